@@ -1,0 +1,12 @@
+// CRC-32 of IEEE 802.3 (reflected polynomial 0xEDB88320), as in Ethernet, zip and zlib.
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+namespace swarm {
+
+// Of "123456789" it is 0xCBF43926.
+std::uint32_t crc32(std::span<const std::uint8_t> bytes);
+
+}  // namespace swarm

@@ -1,0 +1,58 @@
+// The middle tier of every daemon: a node turns messages and the passing of time into messages. It knows neither LCM nor
+// a clock, so the same object runs in real time over multicast and in lock-step inside the simulator.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "lcmtypes/bus/codec.h"
+
+namespace swarm {
+
+// The onboard bus never leaves the robot; the swarm bus connects the robots.
+enum class BusId : std::uint8_t { kOnboard, kSwarm };
+
+struct Subscription {
+  BusId bus;
+  std::string channel;  // exact name
+};
+
+// Where a node puts its messages. Implemented by the hosts.
+class Outbox {
+ public:
+  virtual ~Outbox() = default;
+
+  // Encodes and seals (CRC) `message`, then hands it to the host.
+  template <class T>
+  void publish(BusId bus, std::string_view channel, const T& message) {
+    encode(message, &buffer_);
+    publish_bytes(bus, channel, buffer_);
+  }
+
+  // Sends bytes as they are (relays).
+  virtual void publish_bytes(BusId bus, std::string_view channel, std::span<const std::uint8_t> bytes) = 0;
+
+ private:
+  std::vector<std::uint8_t> buffer_;
+};
+
+// Single-threaded; never blocks, sleeps or throws in on_message and step.
+class Node {
+ public:
+  virtual ~Node() = default;
+
+  virtual std::vector<Subscription> subscriptions() const = 0;
+
+  // One message of a subscribed channel. `bytes` may be anything at all; it is valid during the call only.
+  virtual void on_message(std::int64_t now_us, BusId bus, std::string_view channel,
+                          std::span<const std::uint8_t> bytes, Outbox& outbox) = 0;
+
+  // Does what is due at `now_us`. Called after every batch of messages and at the returned time at the latest.
+  // Returns the next time it wants to be called [us since epoch], later than `now_us`.
+  virtual std::int64_t step(std::int64_t now_us, Outbox& outbox) = 0;
+};
+
+}  // namespace swarm

@@ -1,0 +1,204 @@
+#include "lcmtypes/bus/realtime_host.h"
+
+#include <spdlog/sinks/stdout_color_sinks.h>
+#include <spdlog/spdlog.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <boost/asio/posix/stream_descriptor.hpp>
+#include <boost/asio/signal_set.hpp>
+#include <boost/asio/steady_timer.hpp>
+#include <chrono>
+#include <cstdlib>
+#include <iostream>
+#include <optional>
+#include <stdexcept>
+
+#include "lcmtypes/bus/lcm_bus.h"
+
+namespace swarm {
+namespace {
+
+using namespace std::chrono_literals;
+using std::chrono::microseconds;
+using std::chrono::steady_clock;
+
+// The longest sleep: a system clock that jumps delays a step by no more than this.
+constexpr microseconds kMaxSleep = 100ms;
+constexpr microseconds kClockJump = 50ms;
+
+// Lets one warning per second pass.
+class RateLimit {
+ public:
+  bool pass() {
+    const auto now = steady_clock::now();
+    if (last_ && now - *last_ < 1s) return false;
+    last_ = now;
+    return true;
+  }
+
+ private:
+  std::optional<steady_clock::time_point> last_;
+};
+
+void check_url(const std::string& url) {
+  try {
+    UdpmUrl::parse(url);
+  } catch (const std::invalid_argument& error) {
+    throw OptionError(error.what());
+  }
+}
+
+}  // namespace
+
+std::int64_t wall_utime() {
+  return std::chrono::duration_cast<microseconds>(std::chrono::system_clock::now().time_since_epoch()).count();
+}
+
+// A node, its buses and its wake-ups.
+class RealtimeHost::Seat : public Outbox {
+ public:
+  Seat(boost::asio::io_context& io, std::string name, Node& node, const std::string& onboard_url,
+       const std::string& swarm_url)
+      : name_(std::move(name)), node_(node), timer_(io), clock_offset_us_(clock_offset_us()) {
+    open(io, BusId::kOnboard, onboard_url);
+    open(io, BusId::kSwarm, swarm_url);
+    std::array<std::string, 2> channels;
+    for (const Subscription& subscription : node_.subscriptions()) {
+      const BusId id = subscription.bus;
+      const auto& bus = port(id).bus;
+      if (!bus) throw std::invalid_argument(name_ + " listens to " + subscription.channel + " on a bus without URL");
+      bus->subscribe(subscription.channel, [this, id](std::string_view channel, std::span<const std::uint8_t> bytes) {
+        node_.on_message(wall_utime(), id, channel, bytes, *this);
+      });
+      channels[static_cast<std::size_t>(id)] += " " + subscription.channel;
+    }
+    for (const BusId id : {BusId::kOnboard, BusId::kSwarm}) {
+      const auto& bus = port(id).bus;
+      if (!bus) continue;
+      const auto& heard = channels[static_cast<std::size_t>(id)];
+      spdlog::info("{}: {} bus {}, listens to{}", name_, id == BusId::kOnboard ? "onboard" : "swarm",
+                   bus->url().to_string(), heard.empty() ? " nothing" : heard);
+      for (const std::string& warning : bus->warnings()) spdlog::warn("{}: {}", name_, warning);
+    }
+  }
+
+  void start() {
+    for (Port& port : ports_) {
+      if (port.bus) await_messages(port);
+    }
+    step();
+  }
+
+  void publish_bytes(BusId id, std::string_view channel, std::span<const std::uint8_t> bytes) override {
+    const auto& bus = port(id).bus;
+    const bool sent = bus && bus->publish(channel, bytes);
+    if (!sent && send_warnings_.pass()) spdlog::warn("{}: could not send {} ({} bytes)", name_, channel, bytes.size());
+  }
+
+ private:
+  struct Port {
+    std::unique_ptr<LcmBus> bus;
+    std::optional<boost::asio::posix::stream_descriptor> descriptor;
+  };
+
+  Port& port(BusId id) { return ports_[static_cast<std::size_t>(id)]; }
+
+  void open(boost::asio::io_context& io, BusId id, const std::string& url) {
+    if (url.empty()) return;
+    Port& opened = port(id);
+    opened.bus = std::make_unique<LcmBus>(url);
+    opened.descriptor.emplace(io, ::dup(opened.bus->fd()));  // LCM closes its own, Asio the copy
+  }
+
+  void await_messages(Port& port) {
+    port.descriptor->async_wait(boost::asio::posix::stream_descriptor::wait_read,
+                                [this, &port](const boost::system::error_code& error) {
+                                  if (error) throw std::runtime_error(name_ + ": bus lost: " + error.message());
+                                  port.bus->drain();
+                                  step();
+                                  await_messages(port);
+                                });
+  }
+
+  void step() {
+    watch_clock();
+    const std::int64_t next = node_.step(wall_utime(), *this);
+    const microseconds sleep(std::clamp<std::int64_t>(next - wall_utime(), 0, kMaxSleep.count()));
+    timer_.expires_after(sleep);
+    timer_.async_wait([this](const boost::system::error_code& error) {
+      if (!error) step();
+    });
+  }
+
+  static std::int64_t clock_offset_us() {
+    return wall_utime() - std::chrono::duration_cast<microseconds>(steady_clock::now().time_since_epoch()).count();
+  }
+
+  // Time stamps of before and after a jump do not go together, which the nodes' time checks will notice: say why.
+  void watch_clock() {
+    const std::int64_t offset = clock_offset_us();
+    if (std::abs(offset - clock_offset_us_) > kClockJump.count() && clock_warnings_.pass()) {
+      spdlog::warn("{}: the system clock jumped by {} ms", name_, (offset - clock_offset_us_) / 1000);
+      clock_offset_us_ = offset;
+    }
+  }
+
+  std::string name_;
+  Node& node_;
+  std::array<Port, 2> ports_;
+  boost::asio::steady_timer timer_;
+  std::int64_t clock_offset_us_;
+  RateLimit send_warnings_, clock_warnings_;
+};
+
+RealtimeHost::RealtimeHost() = default;
+RealtimeHost::~RealtimeHost() = default;
+
+void RealtimeHost::add(const std::string& name, Node& node, const std::string& onboard_url,
+                       const std::string& swarm_url) {
+  seats_.push_back(std::make_unique<Seat>(io_, name, node, onboard_url, swarm_url));
+}
+
+void RealtimeHost::run() {
+  boost::asio::signal_set signals(io_, SIGINT, SIGTERM);
+  signals.async_wait([this](const boost::system::error_code& error, int signal) {
+    if (error) return;
+    spdlog::info("stopped by {}", signal == SIGINT ? "SIGINT" : "SIGTERM");
+    io_.stop();
+  });
+  for (const auto& seat : seats_) seat->start();
+  io_.run();
+}
+
+int run_node(const std::string& name, Node& node, const std::string& onboard_url, const std::string& swarm_url) {
+  RealtimeHost host;
+  host.add(name, node, onboard_url, swarm_url);
+  host.run();
+  return EXIT_SUCCESS;
+}
+
+int daemon_main(const std::string& program, const std::string& usage, int argc, const char* const* argv,
+                DaemonBuses buses, const std::function<void(OptionSet&)>& declare,
+                const std::function<std::unique_ptr<Node>()>& make_node) {
+  try {
+    spdlog::set_default_logger(
+        std::make_shared<spdlog::logger>(program, std::make_shared<spdlog::sinks::stderr_color_sink_mt>()));
+    spdlog::set_pattern("%Y-%m-%d %H:%M:%S.%e %^%l%$ %v");
+    std::string onboard_url = kDefaultOnboardUrl;
+    std::string swarm_url = buses == DaemonBuses::kOnboardAndSwarm ? kDefaultSwarmUrl : "";
+    OptionSet options(program, usage);
+    declare(options);
+    options.add("onboard-url", &onboard_url, "bus inside the robot, one port per robot", check_url);
+    if (!swarm_url.empty()) options.add("swarm-url", &swarm_url, "bus between the robots, another port", check_url);
+    if (options.parse(argc, argv, std::cout) == OptionSet::Parsed::kExit) return EXIT_SUCCESS;
+    const std::unique_ptr<Node> node = make_node();
+    return run_node(program, *node, onboard_url, swarm_url);
+  } catch (const std::exception& error) {
+    std::cerr << program << ": " << error.what() << std::endl;
+    return 2;
+  }
+}
+
+}  // namespace swarm

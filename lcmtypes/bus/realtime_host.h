@@ -1,0 +1,58 @@
+// The real-time host: runs nodes over LCM with the computer's clock. The simulator's lock-step host runs the same
+// nodes.
+#pragma once
+
+#include <boost/asio/io_context.hpp>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "lcmtypes/bus/node.h"
+#include "lcmtypes/bus/option_set.h"
+
+namespace swarm {
+
+// On a robot's own computer the default will do; where several robots share one, robot k uses port 7700 + k.
+inline constexpr char kDefaultOnboardUrl[] = "udpm://239.255.76.67:7700?ttl=0";
+inline constexpr char kDefaultSwarmUrl[] = "udpm://239.255.76.68:7667?ttl=1";
+
+// Microseconds since the epoch, by the system clock.
+std::int64_t wall_utime();
+
+// One thread, one event loop, any number of nodes, each with buses of its own.
+class RealtimeHost {
+ public:
+  RealtimeHost();
+  ~RealtimeHost();
+
+  // Puts a node on its buses; an empty URL stands for a bus that it has not. `name` is for the log. Throws what LcmBus
+  // throws, and std::invalid_argument when the node subscribes to a bus that it has not. `node` must outlive the host.
+  void add(const std::string& name, Node& node, const std::string& onboard_url, const std::string& swarm_url);
+
+  // Until SIGTERM, SIGINT or stop(). What a node throws comes out here.
+  void run();
+  void stop() { io_.stop(); }
+
+  // For whatever else shall happen in the same thread.
+  boost::asio::io_context& io() { return io_; }
+
+ private:
+  class Seat;
+  boost::asio::io_context io_;
+  std::vector<std::unique_ptr<Seat>> seats_;
+};
+
+// Runs one node until SIGTERM or SIGINT; returns the exit code 0.
+int run_node(const std::string& name, Node& node, const std::string& onboard_url, const std::string& swarm_url);
+
+enum class DaemonBuses { kOnboard, kOnboardAndSwarm };
+
+// All of a daemon's main(): `declare` adds the node's options, --onboard-url (and --swarm-url) come with it;
+// `make_node` is called when they are read. Returns 2 after one line on stderr for whatever is wrong with options, node
+// or buses.
+int daemon_main(const std::string& program, const std::string& usage, int argc, const char* const* argv,
+                DaemonBuses buses, const std::function<void(OptionSet&)>& declare,
+                const std::function<std::unique_ptr<Node>()>& make_node);
+
+}  // namespace swarm

@@ -1,0 +1,184 @@
+#include "lcmtypes/bus/validate.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <iterator>
+#include <limits>
+#include <numbers>
+
+namespace swarm {
+
+using namespace sogm_swarm;
+
+namespace {
+
+constexpr double kMaxPosition = 1e5, kMaxVelocity = 100.0, kMaxAcceleration = 1e3;  // per axis, SI units
+constexpr double kAnything = std::numeric_limits<double>::max();                    // but finite
+constexpr double kRest = 1e-3;                                // what still counts as standing, per axis [m/s], [m/s^2]
+constexpr std::int64_t kMaxUtime = std::int64_t{1} << 53;     // so that sums of times never overflow
+constexpr int kMaxOrigin = 1 << 30;                           // nor do sums of world indices
+constexpr std::int64_t kMaxMapWords = std::int64_t{1} << 25;  // 256 MB once decompressed
+constexpr int kMaxPartBytes = 60000, kMaxMapBytes = 1 << 22;
+
+// False for NaN.
+bool within(double value, double low, double high) {
+  return value >= low && value <= high;
+}
+
+template <class Values>
+bool all_within(const Values& values, double low, double high) {
+  return std::all_of(std::begin(values), std::end(values), [=](double value) { return within(value, low, high); });
+}
+template <class Values>
+bool all_within(const Values& values, double bound) {
+  return all_within(values, -bound, bound);
+}
+
+bool yaw_ok(double yaw) {
+  return within(yaw, -std::numbers::pi, std::numbers::pi);
+}
+bool utime_ok(std::int64_t utime) {
+  return utime >= 0 && utime <= kMaxUtime;
+}
+
+// Counters and measured amounts: finite and not negative.
+template <class Values>
+bool amounts_ok(const Values& values) {
+  return all_within(values, 0.0, kAnything);
+}
+
+Refusal verdict(bool values_ok, bool consistent = true) {
+  if (!values_ok) return Refusal::kValue;
+  return consistent ? Refusal::kNone : Refusal::kInconsistent;
+}
+
+bool at_zero(const float (&knot)[9]) {
+  return all_within(knot, 0.0);
+}
+
+Refusal validate(const obstacle_t& m) {
+  const int sizes_used = m.shape == obstacle_t::kBox ? 3 : m.shape == obstacle_t::kSphere ? 1 : 2;
+  return verdict(m.id >= 0 && within(m.shape, obstacle_t::kColumn, obstacle_t::kSphere) &&
+                     all_within(m.position, kMaxPosition) && all_within(m.velocity, kMaxVelocity) && yaw_ok(m.yaw) &&
+                     all_within(m.size, 0.0, 1000.0) && within(m.age_s, 0.0, 60.0),
+                 std::all_of(m.size + sizes_used, m.size + 3, [](double size) { return size == 0.0; }));
+}
+
+}  // namespace
+
+Refusal validate(const header_t& m) {
+  return verdict(m.robot_id >= 0 && m.boot >= 0 && m.seq >= 0 && utime_ok(m.utime));
+}
+
+Refusal validate(const trajectory_t& m) {
+  if (m.seq == 0) {  // no trajectory: nothing else may be said about it
+    return verdict(true, m.start_utime == 0 && m.piece_us == 0 && m.num_pieces == 0 &&
+                             std::all_of(std::begin(m.knots), std::end(m.knots), at_zero));
+  }
+  bool values_ok = m.seq > 0 && utime_ok(m.start_utime) && within(m.piece_us, 10'000, 10'000'000) &&
+                   within(m.num_pieces, 0, trajectory_t::kMaxPieces);
+  for (const auto& knot : m.knots) {
+    for (int i = 0; i < 9; ++i) {
+      const double bound = i < 3 ? kMaxPosition : i < 6 ? kMaxVelocity : kMaxAcceleration;
+      values_ok = values_ok && within(knot[i], -bound, bound);
+    }
+  }
+  if (!values_ok) return Refusal::kValue;
+  const auto* const last = m.knots + m.num_pieces;
+  const bool at_rest = std::all_of(*last + 3, *last + 9, [](float x) { return within(x, -kRest, kRest); });
+  return verdict(true, m.num_pieces > 0 && at_rest && std::all_of(last + 1, std::end(m.knots), at_zero));
+}
+
+Refusal validate(const candidate_t& m) {
+  if (const Refusal refusal = validate(m.trajectory); refusal != Refusal::kNone) return refusal;
+  return verdict(true, m.trajectory.seq > 0 && m.trajectory.start_utime >= m.header.utime);
+}
+
+Refusal validate(const announcement_t& m) {
+  for (const trajectory_t* trajectory : {&m.committed, &m.pending}) {
+    if (const Refusal refusal = validate(*trajectory); refusal != Refusal::kNone) return refusal;
+  }
+  bool values_ok = m.radius > 0.0f && m.radius <= 10.0f && utime_ok(m.pending_stamp) &&
+                   within(m.pending_state, announcement_t::kNone, announcement_t::kCommitted);
+  bool consistent = (m.pending.seq == 0) == (m.pending_state == announcement_t::kNone);
+  for (auto ack = m.acks.begin(); ack != m.acks.end(); ++ack) {
+    const bool repeated =
+        std::any_of(m.acks.begin(), ack, [ack](const ack_t& earlier) { return earlier.peer_id == ack->peer_id; });
+    values_ok =
+        values_ok && ack->peer_id >= 0 && ack->judged_seq >= 0 && within(ack->verdict, ack_t::kNone, ack_t::kNack);
+    consistent = consistent && !repeated && ack->peer_id != m.header.robot_id &&
+                 (ack->judged_seq == 0) == (ack->verdict == ack_t::kNone);
+  }
+  return verdict(values_ok, consistent);
+}
+
+Refusal validate(const corridors_t& m) {
+  const auto face_ok = [](const face_t& face) {
+    const double norm = std::hypot(face.normal[0], face.normal[1], face.normal[2]);
+    return within(face.piece, 0, trajectory_t::kMaxPieces - 1) && within(norm, 0.999, 1.001) &&
+           std::isfinite(face.offset);
+  };
+  return verdict(m.trajectory_seq >= 0 && std::all_of(m.faces.begin(), m.faces.end(), face_ok));
+}
+
+Refusal validate(const goal_t& m) {
+  return verdict(all_within(m.position, kMaxPosition));
+}
+
+Refusal validate(const robot_state_t& m) {
+  return verdict(all_within(m.position, kMaxPosition) && all_within(m.velocity, kMaxVelocity) && yaw_ok(m.yaw));
+}
+
+Refusal validate(const setpoint_t& m) {
+  return verdict(all_within(m.position, kAnything) && all_within(m.velocity, kAnything) &&
+                 all_within(m.acceleration, kAnything) && all_within(m.jerk, kAnything) && yaw_ok(m.yaw) &&
+                 std::isfinite(m.yaw_rate));
+}
+
+Refusal validate(const obstacles_t& m) {
+  for (const obstacle_t& obstacle : m.obstacles) {
+    if (const Refusal refusal = validate(obstacle); refusal != Refusal::kNone) return refusal;
+  }
+  return Refusal::kNone;
+}
+
+Refusal validate(const obstacle_voxels_t& m) {
+  return verdict(m.id >= 0 && all_within(m.position, kMaxPosition) && all_within(m.velocity, kMaxVelocity) &&
+                 within(m.age_s, 0.0, 60.0) && within(m.resolution, 0.01, 1.0));
+}
+
+Refusal validate(const sogm_t& m) {
+  const bool values_ok = within(m.frame_duration_us, 1, 10'000'000) && within(m.num_frames, 1, 128) &&
+                         all_within(m.size, 1, 1024) && all_within(m.origin, kMaxOrigin) &&
+                         within(m.resolution, 0.01, 1.0) && m.part >= 0 && within(m.num_parts, 1, 64) &&
+                         within(m.total_bytes, 1, kMaxMapBytes) && within(m.num_bytes, 1, kMaxPartBytes);
+  if (!values_ok) return Refusal::kValue;
+  const std::int64_t words = std::int64_t{m.num_frames} * m.size[0] * m.size[1] * ((m.size[2] + 63) / 64);
+  const int others = m.num_parts - 1;  // each holds one byte at least and a full part at most
+  return verdict(true, words <= kMaxMapWords && m.part < m.num_parts &&
+                           within(m.total_bytes - m.num_bytes, others, others * kMaxPartBytes));
+}
+
+Refusal validate(const map_status_t& m) {
+  return verdict(within(m.state, map_status_t::kRunning, map_status_t::kStaleState) &&
+                 amounts_ok(std::array{m.maps, m.map_bytes, m.obstacles}) && amounts_ok(m.refused) &&
+                 amounts_ok(std::array{m.rate_hz, m.build_ms}));
+}
+
+Refusal validate(const planner_status_t& m) {
+  return verdict(within(m.state, planner_status_t::kPlanning, planner_status_t::kNoCommitted) &&
+                 within(m.outcome, planner_status_t::kSmooth, planner_status_t::kUnsafe) &&
+                 amounts_ok(std::array{m.plans, m.missed, m.expansions}) && amounts_ok(m.refused) &&
+                 amounts_ok(std::array{m.rate_hz, m.compose_ms, m.search_ms, m.corridor_ms, m.optimize_ms, m.check_ms,
+                                       m.total_ms}));
+}
+
+Refusal validate(const broadcast_status_t& m) {
+  return verdict(within(m.state, broadcast_status_t::kFlying, broadcast_status_t::kWaiting) &&
+                 amounts_ok(std::array{m.candidates, m.commits, m.withdrawn, m.peers_heard, m.lost}) &&
+                 amounts_ok(m.rejected) && amounts_ok(m.refused) &&
+                 amounts_ok(std::array{m.max_age_ms, m.max_clock_offset_ms}));
+}
+
+}  // namespace swarm

@@ -1,0 +1,111 @@
+#include "map_daemon/dilation.h"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <string>
+
+// Wider registers where the processor has them, chosen at load time. Plain bit operations: the results are identical.
+#if defined(__x86_64__) && defined(__GNUC__)
+#define SWARM_WIDE __attribute__((target_clones("avx2", "default")))
+#else
+#define SWARM_WIDE
+#endif
+
+namespace swarm {
+namespace {
+
+// out = in, and its neighbours along z; `below` and `above` are the adjacent words of the same columns.
+SWARM_WIDE void spread_by_one(const std::uint64_t* __restrict in, const std::uint64_t* __restrict below,
+                              const std::uint64_t* __restrict above, int n, std::uint64_t* __restrict out) {
+  for (int i = 0; i < n; ++i) out[i] = in[i] | in[i] << 1 | in[i] >> 1 | below[i] >> 63 | above[i] << 63;
+}
+
+SWARM_WIDE void or_two(const std::uint64_t* a, const std::uint64_t* b, int n, std::uint64_t* __restrict out) {
+  for (int i = 0; i < n; ++i) out[i] |= a[i] | b[i];
+}
+
+SWARM_WIDE void or_masked(const std::uint64_t* __restrict in, std::uint64_t mask, int n, int stride,
+                          std::uint64_t* __restrict out) {
+  if (stride == 1) {
+    for (int i = 0; i < n; ++i) out[i] |= in[i] & mask;
+  } else {
+    for (int i = 0; i < n; ++i) out[static_cast<std::size_t>(i) * stride] |= in[i] & mask;
+  }
+}
+
+}  // namespace
+
+std::uint64_t* Dilator::spread_row(int h, int w) {
+  return spread_.data() + (static_cast<std::size_t>(h) * (words_ + 2) + w + 1) * (columns_ + 2 * reach_y_);
+}
+
+void Dilator::shape_ball(const GridGeometry& geometry, double radius_m) {
+  if (!(std::isfinite(radius_m) && radius_m >= 0.0)) {
+    throw std::invalid_argument("dilation radius " + std::to_string(radius_m) + " m: must be finite and >= 0");
+  }
+  const double ratio = radius_m / geometry.resolution_m;
+  const double squared = std::floor(ratio * ratio + 1e-9);
+  // Half-width of the ball at squared horizontal offset d2, clipped to the window; -1 where there is none.
+  const auto half = [squared](int d2, int extent) {
+    return d2 > squared ? -1 : static_cast<int>(std::min<double>(std::floor(std::sqrt(squared - d2)), extent - 1));
+  };
+  reach_x_ = half(0, geometry.size.x());
+  reach_y_ = half(0, geometry.size.y());
+  reach_z_ = half(0, geometry.size.z());
+  half_widths_.clear();
+  for (int i = 0; i <= reach_x_; ++i) {
+    for (int j = 0; j <= reach_y_; ++j) half_widths_.push_back(half(i * i + j * j, geometry.size.z()));
+  }
+  columns_ = geometry.size.y();
+  words_ = geometry.words_per_column();
+  spread_.assign(static_cast<std::size_t>(reach_z_ + 1) * (words_ + 2) * (columns_ + 2 * reach_y_), 0);
+  disc_.resize(static_cast<std::size_t>(columns_));
+}
+
+bool Dilator::load_row(const std::uint64_t* row) {
+  std::uint64_t any = 0;
+  for (int w = 0; w < words_; ++w) {
+    std::uint64_t* out = spread_row(0, w) + reach_y_;
+    for (int y = 0; y < columns_; ++y) any |= out[y] = row[y * words_ + w];
+  }
+  if (any == 0) return false;
+  for (int h = 1; h <= reach_z_; ++h) {
+    for (int w = 0; w < words_; ++w) {
+      spread_by_one(spread_row(h - 1, w), spread_row(h - 1, w - 1), spread_row(h - 1, w + 1), columns_ + 2 * reach_y_,
+                    spread_row(h, w));
+    }
+  }
+  return true;
+}
+
+void Dilator::dilate(const Sogm& in, double radius_m, Sogm* out) {
+  out->reset(in.geometry, in.num_frames, in.start_utime, in.frame_duration_us);
+  if (in.words.empty()) return;
+  shape_ball(in.geometry, radius_m);
+  const int rows = in.geometry.size.x(), tail = in.geometry.size.z() % 64;
+  const std::uint64_t top_mask = tail == 0 ? ~std::uint64_t{0} : (std::uint64_t{1} << tail) - 1;
+  for (int frame = 0; frame < in.num_frames; ++frame) {
+    for (int x = 0; x < rows; ++x) {
+      if (!load_row(in.column(frame, x, 0))) continue;
+      for (int i = 0; i <= reach_x_; ++i) {  // one plane of the ball serves the rows x - i and x + i
+        for (int w = 0; w < words_; ++w) {
+          std::fill(disc_.begin(), disc_.end(), 0);
+          for (int j = 0; j <= reach_y_ && half_width(i, j) >= 0; ++j) {
+            const std::uint64_t* source = spread_row(half_width(i, j), w) + reach_y_;
+            or_two(source - j, source + j, columns_, disc_.data());
+          }
+          const std::uint64_t mask = w == words_ - 1 ? top_mask : ~std::uint64_t{0};
+          if (x >= i) or_masked(disc_.data(), mask, columns_, words_, out->column(frame, x - i, 0) + w);
+          if (i > 0 && x + i < rows) or_masked(disc_.data(), mask, columns_, words_, out->column(frame, x + i, 0) + w);
+        }
+      }
+    }
+  }
+}
+
+void dilate(const Sogm& in, double radius_m, Sogm* out) {
+  Dilator().dilate(in, radius_m, out);
+}
+
+}  // namespace swarm

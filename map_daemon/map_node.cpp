@@ -1,0 +1,264 @@
+#include "map_daemon/map_node.h"
+
+#include <algorithm>
+#include <cmath>
+#include <sstream>
+#include <utility>
+
+#include "lcmtypes/bus/channels.h"
+
+namespace swarm {
+
+using sogm_swarm::map_status_t;
+using sogm_swarm::obstacle_t;
+
+namespace {
+
+constexpr std::int64_t kMaxAge_us = 1'000'000;  // of messages
+constexpr std::int64_t kStatusPeriod_us = 1'000'000;
+constexpr std::size_t kMaxVoxelObstacles = 256;
+constexpr int kMaxFrames = 128, kMaxVoxelsPerAxis = 1024;
+constexpr double kMaxVoxels = 1 << 26;  // per frame
+
+std::int64_t to_us(double seconds) {
+  return std::llround(seconds * 1e6);
+}
+
+Eigen::Vector3d to_vector(const double (&v)[3]) {
+  return {v[0], v[1], v[2]};
+}
+
+Shape::Kind to_kind(std::int16_t shape) {
+  switch (shape) {
+    case obstacle_t::kRing:
+      return Shape::Kind::kRing;
+    case obstacle_t::kBox:
+      return Shape::Kind::kBox;
+    case obstacle_t::kSphere:
+      return Shape::Kind::kSphere;
+    default:
+      return Shape::Kind::kColumn;
+  }
+}
+
+Obstacle to_obstacle(const obstacle_t& message, std::int64_t utime) {
+  return {.shape = {.kind = to_kind(message.shape), .size = to_vector(message.size), .yaw_rad = message.yaw},
+          .position = to_vector(message.position),
+          .velocity = to_vector(message.velocity),
+          .utime = utime - to_us(message.age_s)};
+}
+
+Obstacle to_obstacle(const sogm_swarm::obstacle_voxels_t& message) {
+  Obstacle obstacle{.shape = {.kind = Shape::Kind::kVoxels, .size = {message.resolution, 0.0, 0.0}},
+                    .position = to_vector(message.position),
+                    .velocity = to_vector(message.velocity),
+                    .utime = message.header.utime - to_us(message.age_s)};
+  auto& voxels = obstacle.shape.voxels;
+  voxels.reserve(message.voxels.size());
+  for (const auto& v : message.voxels) voxels.emplace_back(v[0], v[1], v[2]);
+  // Sorted, runs along z are painted at once; duplicates would cost time only.
+  std::sort(voxels.begin(), voxels.end(), [](const Eigen::Vector3i& a, const Eigen::Vector3i& b) {
+    return std::lexicographical_compare(a.begin(), a.end(), b.begin(), b.end());
+  });
+  voxels.erase(std::unique(voxels.begin(), voxels.end()), voxels.end());
+  return obstacle;
+}
+
+template <class... Parts>
+void require(bool rule, const Parts&... parts) {
+  if (rule) return;
+  std::ostringstream text;
+  (text << ... << parts);
+  throw OptionError(text.str());
+}
+
+}  // namespace
+
+int MapConfig::num_frames() const {
+  return static_cast<int>(std::lround(horizon_s / frame_s));
+}
+
+Eigen::Vector3i MapConfig::voxels() const {
+  return (window_m.array() / resolution_m - 1e-6).ceil().max(1.0).matrix().cast<int>();
+}
+
+void declare(OptionSet& options, MapConfig& config) {
+  options.add("robot-id", &config.robot_id, 0, 32767, "", "this robot");
+  options.add("window", &config.window_m, 0.1, 1000, "m", "edges of the mapped window, centred at the robot");
+  options.add("resolution", &config.resolution_m, 0.01, 1, "m", "voxel edge");
+  options.add("frame", &config.frame_s, 0.001, 10, "s", "duration of one frame");
+  options.add("horizon", &config.horizon_s, 0.001, 1280, "s", "length of the prediction, a whole number of frames");
+  options.add("static-map", &config.static_map, "OctoMap file (.bt or .ot); empty: none");
+  options.add("margin", &config.margin_m, 0, 10, "m", "voxel centres this close to an obstacle are occupied");
+  options.add("growth", &config.growth_mps, 0, 10, "m/s", "growth of the margin with prediction time");
+  options.add("max-rate", &config.max_rate_hz, 0.1, 1000, "Hz", "of maps, however fast obstacles arrive");
+  options.add("min-rate", &config.min_rate_hz, 0.1, 1000, "Hz", "of maps while no obstacles arrive");
+  options.add("obstacle-timeout", &config.obstacle_timeout_s, 0.01, 60, "s",
+              "obstacles not reported for so long are forgotten");
+  options.add("state-timeout", &config.state_timeout_s, 0.01, 60, "s", "no maps with an older robot state");
+  options.add("clock-limit", &config.clock_limit_s, 0.001, 10, "s", "messages from further in the future are refused");
+}
+
+void verify(const MapConfig& config) {
+  for (int axis = 0; axis < 3; ++axis) {
+    const double edges = config.window_m[axis] / config.resolution_m;
+    require(edges <= kMaxVoxelsPerAxis, "window: ", edges, " voxels of --resolution ", config.resolution_m, " m along ",
+            "xyz"[axis], "; at most ", kMaxVoxelsPerAxis);
+  }
+  const double voxels = config.voxels().cast<double>().prod();
+  require(voxels <= kMaxVoxels, "window: ", voxels, " voxels; at most ", kMaxVoxels);
+  const double frames = config.horizon_s / config.frame_s;
+  require(std::abs(frames - std::round(frames)) <= 1e-6 * frames && frames > 0.5 && frames < kMaxFrames + 0.5,
+          "horizon: ", config.horizon_s, " s are ", frames, " frames of --frame ", config.frame_s,
+          " s; must be a whole number within [1, ", kMaxFrames, "]");
+  const std::int64_t bytes =
+      map_bytes({.resolution_m = config.resolution_m, .size = config.voxels()}, config.num_frames());
+  require(bytes <= kMaxMapBytes, "window: ", bytes, " bytes over the horizon; at most ", kMaxMapBytes);
+  require(config.max_rate_hz >= config.min_rate_hz, "max-rate: ", config.max_rate_hz, " Hz; must be at least min-rate ",
+          config.min_rate_hz, " Hz");
+}
+
+MapNode::MapNode(const MapConfig& config, std::int32_t boot, Stopwatch stopwatch)
+    : config_(config),
+      stopwatch_(std::move(stopwatch)),
+      map_headers_(config.robot_id, boot),
+      status_headers_(config.robot_id, boot) {
+  verify(config);
+  if (!config.static_map.empty()) static_map_.emplace(config.static_map, config.resolution_m, config.margin_m);
+}
+
+std::vector<Subscription> MapNode::subscriptions() const {
+  return {{BusId::kOnboard, channel::kRobotState},
+          {BusId::kOnboard, channel::kObstacles},
+          {BusId::kOnboard, channel::kObstacleVoxels}};
+}
+
+void MapNode::on_message(std::int64_t now_us, BusId, std::string_view channel, std::span<const std::uint8_t> bytes,
+                         Outbox&) {
+  Refusal refusal = Refusal::kNone;
+  if (channel == channel::kRobotState) {
+    refusal = on_state(now_us, bytes);
+  } else if (channel == channel::kObstacles) {
+    refusal = on_obstacles(now_us, bytes);
+  } else if (channel == channel::kObstacleVoxels) {
+    refusal = on_voxels(now_us, bytes);
+  }
+  if (refusal != Refusal::kNone) refused_.count(refusal);
+}
+
+Refusal MapNode::admit(const sogm_swarm::header_t& header, std::int64_t now_us, SequenceGate* gate) const {
+  if (header.robot_id != config_.robot_id) return Refusal::kRobot;
+  const Refusal refusal = check_time(header.utime, now_us, kMaxAge_us, to_us(config_.clock_limit_s));
+  return refusal != Refusal::kNone ? refusal : gate->pass(header);
+}
+
+Refusal MapNode::on_state(std::int64_t now_us, std::span<const std::uint8_t> bytes) {
+  sogm_swarm::robot_state_t message;
+  if (const Refusal refusal = decode(bytes, &message); refusal != Refusal::kNone) return refusal;
+  if (const Refusal refusal = admit(message.header, now_us, &state_gate_); refusal != Refusal::kNone) return refusal;
+  // The first map waits for obstacles as long as the least rate allows: an empty one would invite flying.
+  if (!has_state_) last_build_us_ = now_us - to_us(1.0 / config_.max_rate_hz);
+  has_state_ = true;
+  position_ = to_vector(message.position);
+  velocity_ = to_vector(message.velocity);
+  state_utime_ = message.header.utime;
+  return Refusal::kNone;
+}
+
+Refusal MapNode::on_obstacles(std::int64_t now_us, std::span<const std::uint8_t> bytes) {
+  sogm_swarm::obstacles_t message;
+  if (const Refusal refusal = decode(bytes, &message); refusal != Refusal::kNone) return refusal;
+  if (const Refusal refusal = admit(message.header, now_us, &obstacle_gate_); refusal != Refusal::kNone) return refusal;
+  obstacles_.clear();
+  for (const obstacle_t& obstacle : message.obstacles)
+    obstacles_.push_back(to_obstacle(obstacle, message.header.utime));
+  obstacles_utime_ = message.header.utime;
+  obstacles_are_new_ = true;
+  return Refusal::kNone;
+}
+
+Refusal MapNode::on_voxels(std::int64_t now_us, std::span<const std::uint8_t> bytes) {
+  sogm_swarm::obstacle_voxels_t message;
+  if (const Refusal refusal = decode(bytes, &message); refusal != Refusal::kNone) return refusal;
+  if (voxel_obstacles_.size() >= kMaxVoxelObstacles && !voxel_obstacles_.contains(message.id)) return Refusal::kLength;
+  if (const Refusal refusal = admit(message.header, now_us, &voxel_gate_); refusal != Refusal::kNone) return refusal;
+  voxel_obstacles_.insert_or_assign(message.id, VoxelObstacle{to_obstacle(message), message.header.utime});
+  obstacles_are_new_ = true;
+  return Refusal::kNone;
+}
+
+bool MapNode::fresh(std::int64_t utime, double timeout_s, std::int64_t now_us) const {
+  return check_time(utime, now_us, to_us(timeout_s), to_us(config_.clock_limit_s)) == Refusal::kNone;
+}
+
+std::int16_t MapNode::state(std::int64_t now_us) const {
+  if (!has_state_) return map_status_t::kNoState;
+  return fresh(state_utime_, config_.state_timeout_s, now_us) ? map_status_t::kRunning : map_status_t::kStaleState;
+}
+
+std::int64_t MapNode::step(std::int64_t now_us, Outbox& outbox) {
+  // A clock that was set back must not stop maps and statuses.
+  last_build_us_ = std::min(last_build_us_, now_us);
+  next_status_us_ = std::min(next_status_us_, now_us + kStatusPeriod_us);
+
+  forget_unreported(now_us);
+  const bool running = state(now_us) == map_status_t::kRunning;
+  const auto next_build_us = [this] {
+    return last_build_us_ + to_us(1.0 / (obstacles_are_new_ ? config_.max_rate_hz : config_.min_rate_hz));
+  };
+  if (running && now_us >= next_build_us()) {
+    build(now_us);
+    publish_map(outbox);
+  }
+  if (now_us >= next_status_us_) {
+    publish_status(now_us, outbox);
+    next_status_us_ = now_us + kStatusPeriod_us;
+  }
+  return running ? std::min(next_build_us(), next_status_us_) : next_status_us_;
+}
+
+// By the time of the report, not of the measurement: what a tracker still reports it believes in, however old.
+void MapNode::forget_unreported(std::int64_t now_us) {
+  const auto unreported = [&](std::int64_t utime) { return !fresh(utime, config_.obstacle_timeout_s, now_us); };
+  if (unreported(obstacles_utime_)) obstacles_.clear();
+  std::erase_if(voxel_obstacles_, [&](const auto& entry) { return unreported(entry.second.reported_utime); });
+}
+
+void MapNode::build(std::int64_t now_us) {
+  const std::int64_t start_ns = stopwatch_ ? stopwatch_() : 0;
+  const Eigen::Vector3d center = position_ + 1e-6 * static_cast<double>(now_us - state_utime_) * velocity_;
+  GridGeometry geometry{.resolution_m = config_.resolution_m, .size = config_.voxels()};
+  const Eigen::Array3d corner = center.array() / config_.resolution_m - geometry.size.array().cast<double>() / 2;
+  geometry.origin = corner.round().cast<int>();
+
+  sogm_.reset(geometry, config_.num_frames(), now_us, to_us(config_.frame_s));
+  if (static_map_) static_map_->copy_into(&sogm_);
+  for (const Obstacle& obstacle : obstacles_) rasterize(obstacle, config_.margin_m, config_.growth_mps, &sogm_);
+  for (const auto& [id, entry] : voxel_obstacles_)
+    rasterize(entry.obstacle, config_.margin_m, config_.growth_mps, &sogm_);
+  last_build_us_ = now_us;
+  obstacles_are_new_ = false;
+  if (stopwatch_) build_ms_ = 1e-6f * static_cast<float>(stopwatch_() - start_ns);
+}
+
+void MapNode::publish_map(Outbox& outbox) {
+  const auto parts = encoder_.encode(sogm_, map_headers_.next(sogm_.start_utime));
+  for (const sogm_swarm::sogm_t& part : parts) outbox.publish(BusId::kOnboard, channel::kSogm, part);
+  if (!parts.empty()) ++maps_;  // one too large to send shows in the status: map_bytes above 3,840,000, rate 0
+}
+
+void MapNode::publish_status(std::int64_t now_us, Outbox& outbox) {
+  map_status_t status{};
+  status.header = status_headers_.next(now_us);
+  status.state = state(now_us);
+  status.maps = maps_;
+  status.rate_hz = static_cast<float>(maps_ - maps_at_last_status_) / (1e-6f * kStatusPeriod_us);
+  status.build_ms = build_ms_;
+  status.map_bytes = encoder_.compressed_bytes();
+  status.obstacles = static_cast<std::int32_t>(obstacles_.size() + voxel_obstacles_.size());
+  refused_.copy_to(status.refused);
+  outbox.publish(BusId::kOnboard, channel::kMapStatus, status);
+  maps_at_last_status_ = maps_;
+}
+
+}  // namespace swarm

@@ -1,0 +1,103 @@
+// The map daemon's node: builds the SOGM (paper section III-B) around the robot from the static map and the tracked
+// obstacles, each predicted at constant velocity, at once when obstacles arrive and at a least rate without them.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "lcmtypes/bus/header_source.h"
+#include "lcmtypes/bus/node.h"
+#include "lcmtypes/bus/option_set.h"
+#include "map_daemon/obstacle.h"
+#include "map_daemon/sogm_codec.h"
+#include "map_daemon/static_map.h"
+
+namespace swarm {
+
+struct MapConfig {
+  int robot_id = 0;
+  Eigen::Vector3d window_m{10, 10, 4};  // edges of the window, centred at the robot
+  double resolution_m = 0.1;            // voxel edge
+  double frame_s = 0.1;                 // duration of one frame
+  double horizon_s = 2.0;               // a whole number of frames
+  std::string static_map;               // OctoMap file; empty: none
+  double margin_m = 0.05;           // voxels whose centres come this close to an obstacle are occupied: half a voxel
+  double growth_mps = 0.0;          // the margin grows by this per second of prediction
+  double max_rate_hz = 20.0;        // of maps, however fast obstacles arrive
+  double min_rate_hz = 10.0;        // of maps while no obstacles arrive
+  double obstacle_timeout_s = 1.0;  // obstacles that are no longer reported are forgotten
+  double state_timeout_s = 0.5;     // no maps with an older robot state
+  double clock_limit_s = 0.1;       // messages from further in the future are refused
+
+  int num_frames() const;
+  Eigen::Vector3i voxels() const;  // of the window
+};
+
+void declare(OptionSet& options, MapConfig& config);
+// Throws OptionError on combinations that cannot work.
+void verify(const MapConfig& config);
+
+class MapNode : public Node {
+ public:
+  using Stopwatch = std::function<std::int64_t()>;  // monotonic [ns]
+
+  // `boot`: grows at every start. `stopwatch` null: durations are reported as 0. Throws what verify() and StaticMap
+  // throw.
+  MapNode(const MapConfig& config, std::int32_t boot, Stopwatch stopwatch = nullptr);
+
+  std::vector<Subscription> subscriptions() const override;
+  void on_message(std::int64_t now_us, BusId bus, std::string_view channel, std::span<const std::uint8_t> bytes,
+                  Outbox& outbox) override;
+  std::int64_t step(std::int64_t now_us, Outbox& outbox) override;
+
+  const Sogm& newest_map() const { return sogm_; }
+  int maps() const { return maps_; }  // published since start
+  const RefusalCounts& refused() const { return refused_; }
+
+ private:
+  struct VoxelObstacle {
+    Obstacle obstacle;
+    std::int64_t reported_utime;
+  };
+
+  Refusal on_state(std::int64_t now_us, std::span<const std::uint8_t> bytes);
+  Refusal on_obstacles(std::int64_t now_us, std::span<const std::uint8_t> bytes);
+  Refusal on_voxels(std::int64_t now_us, std::span<const std::uint8_t> bytes);
+  // Checks every input shares: sender, time, sequence.
+  Refusal admit(const sogm_swarm::header_t& header, std::int64_t now_us, SequenceGate* gate) const;
+  // Whether what was said at `utime` still counts; after the clock was set back, it may lie in the future.
+  bool fresh(std::int64_t utime, double timeout_s, std::int64_t now_us) const;
+  std::int16_t state(std::int64_t now_us) const;  // map_status_t::k...
+  void forget_unreported(std::int64_t now_us);
+  void build(std::int64_t now_us);
+  void publish_map(Outbox& outbox);
+  void publish_status(std::int64_t now_us, Outbox& outbox);
+
+  MapConfig config_;
+  std::optional<StaticMap> static_map_;
+  Stopwatch stopwatch_;
+  HeaderSource map_headers_, status_headers_;
+  RefusalCounts refused_;
+  SequenceGate state_gate_, obstacle_gate_, voxel_gate_;
+
+  bool has_state_ = false;
+  Eigen::Vector3d position_, velocity_;  // of the robot at state_utime_, W
+  std::int64_t state_utime_ = 0;
+  std::vector<Obstacle> obstacles_;  // of the newest OBSTACLES
+  std::int64_t obstacles_utime_ = 0;
+  std::map<std::int32_t, VoxelObstacle> voxel_obstacles_;  // by id
+
+  bool obstacles_are_new_ = false;
+  std::int64_t last_build_us_ = 0, next_status_us_ = 0;
+  Sogm sogm_;
+  SogmEncoder encoder_;
+  std::int32_t maps_ = 0, maps_at_last_status_ = 0;
+  float build_ms_ = 0.0f;
+};
+
+}  // namespace swarm

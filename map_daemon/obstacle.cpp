@@ -1,0 +1,43 @@
+#include "map_daemon/obstacle.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace swarm {
+namespace {
+
+double distance_to_box(const Eigen::Vector3d& point, const Eigen::Vector3d& half) {
+  return (point.cwiseAbs() - half).cwiseMax(0.0).norm();
+}
+
+}  // namespace
+
+double distance(const Shape& shape, const Eigen::Vector3d& offset) {
+  const double cos_yaw = std::cos(shape.yaw_rad), sin_yaw = std::sin(shape.yaw_rad);
+  const Eigen::Vector3d local(cos_yaw * offset.x() + sin_yaw * offset.y(), -sin_yaw * offset.x() + cos_yaw * offset.y(),
+                              offset.z());
+  switch (shape.kind) {
+    case Shape::Kind::kColumn:
+      return std::hypot(std::max(std::hypot(offset.x(), offset.y()) - shape.size.x() / 2, 0.0),
+                        std::max(std::abs(offset.z()) - shape.size.y() / 2, 0.0));
+    case Shape::Kind::kRing:
+      return std::max(std::hypot(std::hypot(local.y(), local.z()) - shape.size.x(), local.x()) - shape.size.y() / 2,
+                      0.0);
+    case Shape::Kind::kBox:
+      return distance_to_box(local, shape.size / 2);
+    case Shape::Kind::kSphere:
+      return std::max(offset.norm() - shape.size.x() / 2, 0.0);
+    case Shape::Kind::kVoxels:
+      break;
+  }
+  double nearest = std::numeric_limits<double>::infinity();
+  const double edge = shape.size.x();
+  for (const Eigen::Vector3i& voxel : shape.voxels) {
+    nearest =
+        std::min(nearest, distance_to_box(offset - edge * voxel.cast<double>(), Eigen::Vector3d::Constant(edge / 2)));
+  }
+  return nearest;
+}
+
+}  // namespace swarm

@@ -1,0 +1,40 @@
+// Obstacle shapes: exact distance (for judging) and rasterisation (for the SOGM) from one description.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <vector>
+
+#include "map_daemon/sogm.h"
+
+namespace swarm {
+
+// Upright or turned by yaw about W z; centred at the obstacle's position.
+struct Shape {
+  enum class Kind : std::uint8_t { kColumn, kRing, kBox, kSphere, kVoxels };
+  Kind kind = Kind::kColumn;
+  // column: (diameter, height, -), a vertical solid cylinder; ring: (major radius, tube diameter, -), a torus whose
+  // axis is horizontal along yaw; box: (length along yaw, width, height); sphere: (diameter, -, -); voxels: (voxel
+  // edge, -, -) [m].
+  Eigen::Vector3d size = Eigen::Vector3d::Zero();
+  double yaw_rad = 0.0;
+  std::vector<Eigen::Vector3i> voxels = {};  // kVoxels only: cubes centred at size.x() * index, axes of W
+};
+
+// Euclidean distance from a point to the solid [m]; 0 inside. `offset` is the point minus the shape's centre, W [m].
+double distance(const Shape& shape, const Eigen::Vector3d& offset);
+
+// A tracked obstacle with a constant-velocity prediction.
+struct Obstacle {
+  Shape shape;
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();  // of the centre at `utime`, W [m]
+  Eigen::Vector3d velocity = Eigen::Vector3d::Zero();  // W [m/s]
+  std::int64_t utime = 0;                              // of position (age already subtracted) [us since epoch]
+};
+
+// Marks in every frame of `sogm` each voxel whose centre comes within `margin_m` of the obstacle at some time of the
+// frame's interval (union over the interval, paper section III-B). Static obstacles (zero velocity) work too.
+// `growth_mps` widens the margin with prediction time (per second after sogm.start_utime).
+void rasterize(const Obstacle& obstacle, double margin_m, double growth_mps, Sogm* sogm);
+
+}  // namespace swarm

@@ -1,0 +1,64 @@
+// The spatiotemporal occupancy grid map (SOGM), paper section III-B: a sequence of bit grids over a window around the
+// robot; frame i is the union of what is occupied during [start + i d, start + (i + 1) d].
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <vector>
+
+namespace swarm {
+
+// Where a window of voxels lies. Voxel i of the world lattice spans [i, i + 1) * resolution along each axis of W, so
+// windows of different times share their voxels and the map never slides.
+struct GridGeometry {
+  double resolution_m = 0.1;
+  Eigen::Vector3i origin = Eigen::Vector3i::Zero();  // world index of the window's first voxel
+  Eigen::Vector3i size = Eigen::Vector3i::Zero();    // voxels along x, y, z
+
+  // Window index of the voxel that holds world point `p` [m]; may lie outside the window.
+  Eigen::Vector3i voxel_of(const Eigen::Vector3d& p) const {
+    return (p / resolution_m).array().floor().matrix().cast<int>() - origin;
+  }
+  // Centre of a window voxel, W [m].
+  Eigen::Vector3d center_of(const Eigen::Vector3i& voxel) const {
+    return ((voxel + origin).cast<double>().array() + 0.5).matrix() * resolution_m;
+  }
+  bool contains(const Eigen::Vector3i& v) const { return (v.array() >= 0).all() && (v.array() < size.array()).all(); }
+  int words_per_column() const { return (size.z() + 63) / 64; }
+  int words_per_frame() const { return size.x() * size.y() * words_per_column(); }
+  bool operator==(const GridGeometry&) const = default;
+};
+
+// Frames of bit columns: frame-major, then x, y, then 64-bit words along z (bit k of word w is voxel z = 64 w + k).
+// Bits at z >= size.z() are always zero.
+struct Sogm {
+  std::int64_t start_utime = 0;        // [us since epoch]
+  std::int64_t frame_duration_us = 0;  // > 0
+  int num_frames = 0;
+  GridGeometry geometry;
+  std::vector<std::uint64_t> words;  // num_frames * words_per_frame()
+
+  // Sets the layout and clears all voxels; keeps the allocation when it suffices.
+  void reset(const GridGeometry& new_geometry, int frames, std::int64_t start, std::int64_t duration_us);
+
+  std::uint64_t* column(int frame, int x, int y) {
+    const int wpc = geometry.words_per_column();
+    return words.data() + (static_cast<std::size_t>(frame) * geometry.size.x() + x) * geometry.size.y() * wpc +
+           static_cast<std::size_t>(y) * wpc;
+  }
+  const std::uint64_t* column(int frame, int x, int y) const { return const_cast<Sogm*>(this)->column(frame, x, y); }
+
+  // Outside the window nothing is known, hence nothing is occupied.
+  bool occupied(int frame, const Eigen::Vector3i& voxel) const {
+    return geometry.contains(voxel) &&
+           (column(frame, voxel.x(), voxel.y())[voxel.z() >> 6] >> (voxel.z() & 63) & 1u) != 0;
+  }
+  // Frame in force at `utime`, clamped to the first and the last: what lies beyond the horizon is taken to stay.
+  int frame_at(std::int64_t utime) const;
+};
+
+// Configuration space, exact: a voxel of `out` is set when an occupied voxel of the same frame lies within `radius_m`
+// (<=) of it, centre to centre. `out` may not be `in`. Nothing outside the window is taken to be occupied.
+void dilate(const Sogm& in, double radius_m, Sogm* out);
+
+}  // namespace swarm

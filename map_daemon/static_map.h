@@ -1,0 +1,35 @@
+// The static layer of the SOGM: an OctoMap file turned once into a bit grid on the world lattice.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "map_daemon/sogm.h"
+
+namespace swarm {
+
+class StaticMap {
+ public:
+  // Reads an OcTree file (.bt or .ot). A voxel of the lattice of edge `resolution_m` is occupied when its centre lies
+  // within an occupied leaf widened by `margin_m` (max-norm). Unknown space counts as free: what was never seen at
+  // mapping time is left to the live obstacles.
+  // Throws std::runtime_error, one line that names the file, when it is missing, damaged, not an OcTree, or would need
+  // more than kMaxBytes at this resolution.
+  StaticMap(const std::string& path, double resolution_m, double margin_m);
+
+  static constexpr std::int64_t kMaxBytes = std::int64_t{1} << 29;
+
+  // Of the box around all that is occupied; empty if nothing is.
+  const GridGeometry& geometry() const { return grid_.geometry; }
+  // `voxel` is counted from geometry().origin.
+  bool occupied(const Eigen::Vector3i& voxel) const { return grid_.occupied(0, voxel); }
+
+  // ORs what lies in the window into every frame. `sogm` must have the same resolution.
+  void copy_into(Sogm* sogm) const;
+
+ private:
+  Sogm grid_;  // one frame
+};
+
+}  // namespace swarm

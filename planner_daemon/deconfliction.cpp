@@ -1,0 +1,50 @@
+#include "planner_daemon/deconfliction.h"
+
+#include <algorithm>
+#include <limits>
+
+namespace swarm {
+namespace {
+
+constexpr std::int64_t kFinestSpan_us = 800;
+
+bool separated_during(const Motion& a, const Motion& b, std::int64_t from, std::int64_t to, double distance) {
+  const ControlPoints difference = control_points_between(a, from, to) - control_points_between(b, from, to);
+  if (difference.col(0).norm() < distance || difference.col(5).norm() < distance) return false;
+  if (linearly_separable(difference, distance)) return true;
+  if (to - from <= kFinestSpan_us) return false;
+  const std::int64_t middle = from + (to - from) / 2;
+  return separated_during(a, b, from, middle, distance) && separated_during(a, b, middle, to, distance);
+}
+
+}  // namespace
+
+bool linearly_separable(const ControlPoints& points, double radius_m) {
+  // Gilbert's iteration towards the hull's point nearest to the origin; any iterate's direction is a valid plane to try.
+  Eigen::Vector3d nearest = points.rowwise().mean();
+  for (int i = 0; i < 16; ++i) {
+    const double norm = nearest.norm();
+    if (norm < radius_m) return false;
+    Eigen::Index lowest;
+    const double support = (nearest.transpose() * points).minCoeff(&lowest) / norm;
+    if (support >= radius_m) return true;
+    const Eigen::Vector3d step = points.col(lowest) - nearest;
+    const double length2 = step.squaredNorm();
+    if (length2 < 1e-18) return false;
+    nearest += std::clamp(-nearest.dot(step) / length2, 0.0, 1.0) * step;
+  }
+  return false;
+}
+
+bool motions_separated(const Motion& a, const Motion& b, std::int64_t from_utime, double distance_m) {
+  const std::int64_t end = std::max(a.end_utime(), b.end_utime());
+  for (std::int64_t from = from_utime; from < end;) {
+    const std::int64_t to = std::min({a.next_knot_after(from), b.next_knot_after(from), end});
+    if (!separated_during(a, b, from, to, distance_m)) return false;
+    from = to;
+  }
+  const std::int64_t rest = std::max(end, from_utime);
+  return (a.at(rest).position - b.at(rest).position).norm() >= distance_m;
+}
+
+}  // namespace swarm

@@ -1,0 +1,70 @@
+// FIRI, "fast iterative regional inflation" (paper section IV-B): grows a convex polytope around a seed among obstacle
+// points.
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "planner_daemon/polytope.h"
+
+namespace swarm {
+
+struct FiriOptions {
+  int iterations = 2;  // polytope, ellipsoid, polytope ...: two give all the volume
+  double half_extent_m =
+      0;  // obstacle points are cubes of this half edge (half a voxel): faces keep clear of the whole cube
+};
+
+struct Ellipsoid {
+  Eigen::Matrix3d shape = Eigen::Matrix3d::Identity();  // symmetric positive definite B: { B u + center : |u| <= 1 }
+  Eigen::Vector3d center = Eigen::Vector3d::Zero();
+};
+
+enum class FiriStatus { kGrown, kSeedBlocked };
+const char* to_string(FiriStatus status);
+
+// Keeps its work space between calls: the only allocation in the steady state is the result's, when its size changes.
+class Firi {
+ public:
+  // Grows `polytope` around the convex hull of `seed` (3 x k, k >= 1) inside the box [lower, upper] (which holds the
+  // seed; its six faces come first) so that it excludes the obstacle points (3 x m, m >= 0) to within 1e-9 m, and
+  // further each one's cube as far as the seed allows: **every seed point stays inside**.
+  // kSeedBlocked when an obstacle point lies in the hull of the seed, or within 1e-9 m of it: the polytope is then the
+  // box cut by all points that can be excluded.
+  // Throws std::invalid_argument with name, value and rule for an empty seed or options out of range.
+  [[nodiscard]] FiriStatus grow(const Eigen::Ref<const Eigen::Matrix3Xd>& seed,
+                                const Eigen::Ref<const Eigen::Matrix3Xd>& obstacles, const Eigen::Vector3d& lower,
+                                const Eigen::Vector3d& upper, const FiriOptions& options, Polytope* polytope);
+
+ private:
+  using Normals = decltype(Polytope::normals);
+  struct Candidate {
+    Eigen::Vector3d position;
+    double squared_distance;  // to the centre of the ellipsoid, in its metric
+  };
+
+  FiriStatus cut(const Ellipsoid& ellipsoid, const Eigen::Ref<const Eigen::Matrix3Xd>& obstacles,
+                 const Eigen::Vector3d& lower, const Eigen::Vector3d& upper, double half_extent_m);
+  bool inflate(Ellipsoid* ellipsoid) const;
+  bool separate(const Eigen::Vector3d& obstacle, const Eigen::Matrix3d& to_ball, const Eigen::Vector3d& center,
+                double half_extent_m);
+  bool separate_closest(const Eigen::Vector3d& obstacle);
+  double reach(const Eigen::Vector3d& normal) const;
+  void add_face(const Eigen::Vector3d& normal, double offset);
+
+  std::vector<Eigen::Vector3d> seed_, seed_in_ball_;
+  std::vector<Candidate> candidates_;
+  Normals normals_;          // capacity x 3, the first num_faces_ in use
+  Eigen::VectorXd offsets_;  // capacity
+  int num_faces_ = 0;
+};
+
+// Maximum-volume ellipsoid inscribed in a bounded polytope, to about 1 % of the volume and never outside it. False when
+// `inside` is not an interior point; one within some 1e-9 of a face costs volume. Unit normals (faces x 3), offsets
+// (faces).
+[[nodiscard]] bool inscribed_ellipsoid(const Eigen::Ref<const decltype(Polytope::normals)>& normals,
+                                       const Eigen::Ref<const Eigen::VectorXd>& offsets, const Eigen::Vector3d& inside,
+                                       Ellipsoid* ellipsoid);
+[[nodiscard]] bool inscribed_ellipsoid(const Polytope& polytope, const Eigen::Vector3d& inside, Ellipsoid* ellipsoid);
+
+}  // namespace swarm

@@ -1,0 +1,339 @@
+#include "planner_daemon/kinodynamic_search.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+#include <string>
+
+namespace swarm {
+namespace {
+
+constexpr std::int64_t kNever = std::numeric_limits<std::int64_t>::max();
+
+// Lengthens a hash chain by one value (splitmix64's finaliser).
+std::uint64_t mix(std::uint64_t hash, std::int64_t value) {
+  hash ^= static_cast<std::uint64_t>(value) + 0x9e3779b97f4a7c15ULL + (hash << 6) + (hash >> 2);
+  hash = (hash ^ (hash >> 30)) * 0xbf58476d1ce4e5b9ULL;
+  hash = (hash ^ (hash >> 27)) * 0x94d049bb133111ebULL;
+  return hash ^ (hash >> 31);
+}
+
+// For the heap: the smallest priority first, among equals the oldest.
+constexpr auto kLater = [](const auto& a, const auto& b) {
+  return a.priority > b.priority || (a.priority == b.priority && a.node > b.node);
+};
+
+}  // namespace
+
+const char* to_string(SearchStatus status) {
+  switch (status) {
+    case SearchStatus::kGoal: return "goal";
+    case SearchStatus::kSurvives: return "survives";
+    case SearchStatus::kPartial: return "partial";
+  }
+  return "?";
+}
+
+double min_time_to_rest(double d, double v, double v_max, double a_max) {
+  v = std::clamp(v, -v_max, v_max);
+  // Mirror so that the motion first accelerates in the positive direction.
+  if (d < v * std::abs(v) / (2 * a_max)) d = -d, v = -v;
+  const double peak = std::sqrt(std::max(0.0, a_max * d + v * v / 2));
+  if (peak <= v_max) return (peak - v + peak) / a_max;
+  const double cruise = d - (2 * v_max * v_max - v * v) / (2 * a_max);
+  return (2 * v_max - v) / a_max + cruise / v_max;
+}
+
+KinodynamicSearch::KinodynamicSearch(const SearchLimits& limits, const SearchOptions& options)
+    : limits_(limits), options_(options), tau_(options.piece_us * 1e-6), a_lim_(0.98 * limits.a_max) {
+  brake_pieces_ = static_cast<int>(std::ceil(limits.v_max / (tau_ * a_lim_))) + 1;
+  max_depth_ = options.num_pieces - brake_pieces_;
+  if (options.num_pieces > Trajectory::kMaxPieces || max_depth_ < 1) {
+    throw std::invalid_argument("horizon: " + std::to_string(options.num_pieces) + " pieces; must be at least " +
+                                std::to_string(brake_pieces_ + 1) + " (braking takes " + std::to_string(brake_pieces_) +
+                                ") and at most " + std::to_string(Trajectory::kMaxPieces));
+  }
+  for (int i = 0; i < kSamples; ++i) {
+    const double s = (i + 1.0) / kSamples;
+    const double lag = s * s * s / 3 - s * s * s * s / 12;  // double integral of 2 s - s^2
+    weights_[i] = {tau_ * s, tau_ * tau_ * (s * s / 2 - lag), tau_ * tau_ * lag};
+  }
+  frames_.resize(options.num_pieces);
+  nodes_.reserve(static_cast<std::size_t>(options.max_expansions) * 32);
+  open_.reserve(nodes_.capacity());
+  expanded_.reserve(static_cast<std::size_t>(options.max_expansions));
+  std::size_t slots = 1024;
+  while (slots < static_cast<std::size_t>(options.max_expansions) * 4) slots *= 2;
+  closed_.resize(slots);
+}
+
+KinodynamicSearch::AxisOption KinodynamicSearch::make_option(int axis, double p, double v, double a, double a1) const {
+  AxisOption option;
+  const GridGeometry& grid = problem_.blocked->geometry;
+  const double inverse = 1.0 / grid.resolution_m;
+  const double low = limits_.space_min[axis], high = limits_.space_max[axis];
+  option.inside = true;
+  double before = p;
+  for (int i = 0; i < kSamples; ++i) {
+    const double position = p + weights_[i].v * v + weights_[i].a0 * a + weights_[i].a1 * a1;
+    option.voxel[i] = static_cast<std::int32_t>(std::floor(position * inverse)) - grid.origin[axis];
+    // A robot outside the flight space may only come back.
+    if ((position < low && position < before) || (position > high && position > before)) option.inside = false;
+    before = position;
+  }
+  option.position = before;
+  option.velocity = v + tau_ / 3 * (a + 2 * a1);
+  option.acceleration = a1;
+  option.time_to_goal = axis_time(axis, option.position, option.velocity);
+  return option;
+}
+
+KinodynamicSearch::AxisOptions KinodynamicSearch::axis_options(int axis, const MotionState& from) const {
+  const double p = from.position[axis], v = from.velocity[axis], a = from.acceleration[axis];
+  // The largest and smallest a1 after which the next primitive can still keep the speed limit: v1 + tau/3 a1 <= v_max.
+  const double drift = v + tau_ / 3 * a;
+  const double high = std::clamp((limits_.v_max - drift) / tau_, -a_lim_, a_lim_);
+  const double low = std::clamp((-limits_.v_max - drift) / tau_, -a_lim_, a_lim_);
+  const double rest = std::clamp(-drift / tau_, low, high);  // at rest one primitive later, or as near as may be
+  const double gentle = std::abs(v) < 0.5 * options_.slow_mps ? 0.25 * a_lim_ : 0.0;
+  AxisOptions options;
+  for (double wanted : {a_lim_, -a_lim_, rest, 0.0, gentle, -gentle}) {
+    const double a1 = std::clamp(wanted, low, high);
+    bool is_new = true;
+    for (int i = 0; i < options.count; ++i) {
+      is_new = is_new && std::abs(options.option[i].acceleration - a1) > 0.05 * a_lim_;
+    }
+    if (!is_new) continue;
+    options.option[options.count] = make_option(axis, p, v, a, a1);
+    if (options.option[options.count].inside) ++options.count;
+  }
+  return options;
+}
+
+MotionState KinodynamicSearch::propagate(const MotionState& from, const Eigen::Vector3d& a1) const {
+  const SampleWeights& end = weights_.back();
+  MotionState to;
+  to.position = from.position + end.v * from.velocity + end.a0 * from.acceleration + end.a1 * a1;
+  to.velocity = from.velocity + tau_ / 3 * (from.acceleration + 2 * a1);
+  to.acceleration = a1;
+  return to;
+}
+
+bool KinodynamicSearch::leaving(int depth, int sample) const {
+  return start_blocked_ && (depth + (sample + 1.0) / kSamples) * tau_ <= options_.leave_s;
+}
+
+double KinodynamicSearch::zone_cost(const AxisOption& x, const AxisOption& y, const AxisOption& z, int depth) const {
+  double cost = 0.0;
+  for (int i = 0; i < kSamples; ++i) {
+    const Eigen::Vector3i voxel(x.voxel[i], y.voxel[i], z.voxel[i]);
+    const int frame = frames_[depth][i];
+    if (!problem_.near->occupied(frame, voxel)) continue;  // the near zone holds the blocked one
+    cost += options_.near_weight;
+    if (!problem_.blocked->occupied(frame, voxel)) continue;
+    if (!leaving(depth, i)) return -1.0;
+    cost += options_.leave_weight;
+    if (!problem_.tight->occupied(frame, voxel)) continue;
+    cost += 9 * options_.leave_weight;
+    if (problem_.contact->occupied(frame, voxel)) cost += 90 * options_.leave_weight;
+  }
+  return cost * tau_ / kSamples;
+}
+
+bool KinodynamicSearch::free_at(const Eigen::Vector3d& position, std::int64_t utime) const {
+  if (start_blocked_ && utime - problem_.start_utime <= static_cast<std::int64_t>(options_.leave_s * 1e6)) return true;
+  const Sogm& blocked = *problem_.blocked;
+  return !blocked.occupied(blocked.frame_at(utime), blocked.geometry.voxel_of(position));
+}
+
+double KinodynamicSearch::axis_time(int axis, double position, double velocity) const {
+  return min_time_to_rest(problem_.goal[axis] - position, velocity, limits_.v_max, a_lim_);
+}
+
+double KinodynamicSearch::time_to_goal(double x_s, double y_s, double z_s, const Eigen::Vector3d& position) const {
+  double longest = std::max({x_s, y_s, z_s});
+  const double rest = x_s + y_s + z_s - longest;
+  if (problem_.guidance != nullptr) longest = std::max(longest, problem_.guidance->time_to_goal(position, limits_.v_max));
+  return longest + 0.05 * rest;  // the slowest axis decides, the others break ties
+}
+
+double KinodynamicSearch::heuristic(const MotionState& state) const {
+  return time_to_goal(axis_time(0, state.position.x(), state.velocity.x()), axis_time(1, state.position.y(), state.velocity.y()),
+                      axis_time(2, state.position.z(), state.velocity.z()), state.position);
+}
+
+bool KinodynamicSearch::seen_before(const MotionState& state, int depth) {
+  const bool slow = state.velocity.cwiseAbs().maxCoeff() < options_.slow_mps;
+  const double refine = slow ? 3.0 : 1.0;
+  std::uint64_t key = mix(slow ? 1 : 0, depth);
+  for (int axis = 0; axis < 3; ++axis) {
+    key = mix(key, std::llround(state.position[axis] / options_.cell_m * refine));
+    key = mix(key, std::llround(state.velocity[axis] / options_.cell_mps * refine));
+  }
+  key |= 1;  // 0 marks a free slot
+  std::size_t slot = (key >> 1) & (closed_.size() - 1);
+  while (closed_[slot] != 0) {
+    if (closed_[slot] == key) return true;
+    slot = (slot + 1) & (closed_.size() - 1);
+  }
+  closed_[slot] = key;
+  return false;
+}
+
+void KinodynamicSearch::push(const MotionState& state, double to_goal_s, double cost, std::int32_t parent, int depth) {
+  if (nodes_.size() == nodes_.capacity()) return;  // bounded memory: the best were kept
+  nodes_.push_back({state, cost, to_goal_s, parent, static_cast<std::int16_t>(depth)});
+  open_.push_back({cost + options_.heuristic_weight * to_goal_s, static_cast<std::int32_t>(nodes_.size() - 1)});
+  std::push_heap(open_.begin(), open_.end(), kLater);
+}
+
+void KinodynamicSearch::expand(std::int32_t index) {
+  const Node node = nodes_[index];
+  const AxisOptions xs = axis_options(0, node.state), ys = axis_options(1, node.state), zs = axis_options(2, node.state);
+  for (int x = 0; x < xs.count; ++x) {
+    for (int y = 0; y < ys.count; ++y) {
+      for (int z = 0; z < zs.count; ++z) {
+        const AxisOption &ox = xs.option[x], &oy = ys.option[y], &oz = zs.option[z];
+        const double zones = zone_cost(ox, oy, oz, node.depth);
+        if (zones < 0.0) continue;
+        MotionState next;
+        next.position = {ox.position, oy.position, oz.position};
+        next.velocity = {ox.velocity, oy.velocity, oz.velocity};
+        next.acceleration = {ox.acceleration, oy.acceleration, oz.acceleration};
+        const double effort = options_.effort_weight * next.acceleration.squaredNorm();
+        push(next, time_to_goal(ox.time_to_goal, oy.time_to_goal, oz.time_to_goal, next.position),
+             node.cost + zones + tau_ * (1.0 + effort), index, node.depth + 1);
+      }
+    }
+  }
+}
+
+void KinodynamicSearch::trace_back(std::int32_t index, SearchResult* result) const {
+  for (; index >= 0; index = nodes_[index].parent) result->knots[nodes_[index].depth] = nodes_[index].state;
+}
+
+std::int64_t KinodynamicSearch::brake(const Node& node, SearchResult* result) const {
+  const Eigen::Vector3d drift = node.state.velocity + tau_ / 3 * node.state.acceleration;
+  const Eigen::Vector3d a1 = -drift / (tau_ * (brake_pieces_ - 1));
+  std::int64_t first_blocked = kNever;
+  MotionState state = node.state;
+  for (int k = 0; k < brake_pieces_; ++k) {
+    const bool last = k == brake_pieces_ - 1;
+    const Eigen::Vector3d a = last ? Eigen::Vector3d::Zero().eval() : a1;
+    const std::int64_t begin = problem_.start_utime + (node.depth + k) * std::int64_t{options_.piece_us};
+    for (int i = 0; i < kSamples && first_blocked == kNever; ++i) {
+      const std::int64_t utime = begin + (i + 1) * std::int64_t{options_.piece_us} / kSamples;
+      const Eigen::Vector3d position = state.position + weights_[i].v * state.velocity +
+                                       weights_[i].a0 * state.acceleration + weights_[i].a1 * a;
+      if (!free_at(position, utime)) first_blocked = utime;
+    }
+    state = propagate(state, a);
+    if (last) state.velocity.setZero(), state.acceleration.setZero();
+    result->knots[node.depth + k + 1] = state;
+  }
+  result->num_pieces = node.depth + brake_pieces_;
+  for (int k = result->num_pieces; k < options_.num_pieces; ++k) {
+    for (int i = 0; i < kSamples && first_blocked == kNever; ++i) {
+      const std::int64_t utime = problem_.start_utime + (k * kSamples + i + 1) * std::int64_t{options_.piece_us} / kSamples;
+      if (!free_at(state.position, utime)) first_blocked = utime;
+    }
+  }
+  return first_blocked;
+}
+
+bool KinodynamicSearch::shoot(const Node& node, SearchResult* result) const {
+  MotionState goal;
+  goal.position = problem_.goal;
+  const double least_s = node.time_to_goal;
+  const int room = options_.num_pieces - node.depth;
+  const int first = std::max(1, static_cast<int>(std::ceil(least_s / tau_ - 1e-9)));
+  for (int pieces = first; pieces <= std::min(room, first + 3); ++pieces) {
+    const double duration = pieces * tau_;
+    const ControlPoints whole = quintic_control_points(node.state, goal, duration);
+    bool ok = true;
+    for (int k = 1; k <= pieces && ok; ++k) {
+      MotionState& knot = result->knots[node.depth + k];
+      knot = k == pieces ? goal : evaluate_bezier(whole, duration, static_cast<double>(k) / pieces);
+      const MotionState& before = k == 1 ? node.state : result->knots[node.depth + k - 1];
+      const ControlPoints points = quintic_control_points(before, knot, tau_);
+      ok = max_speed_bound(points, tau_) <= limits_.v_max + 1e-9 && max_acceleration_bound(points, tau_) <= limits_.a_max + 1e-9;
+    }
+    if (!ok) continue;
+    // Free on the way, and at the goal until the horizon; inside the flight space.
+    const std::int64_t begin = problem_.start_utime + node.depth * std::int64_t{options_.piece_us};
+    const int samples = room * kSamples;
+    for (int i = 1; i <= samples && ok; ++i) {
+      const double s = std::min(1.0, static_cast<double>(i) / (pieces * kSamples));
+      const Eigen::Vector3d position = evaluate_bezier(whole, duration, s).position;
+      ok = free_at(position, begin + i * std::int64_t{options_.piece_us} / kSamples) &&
+           (position.array() >= limits_.space_min.array() - 1e-6).all() &&
+           (position.array() <= limits_.space_max.array() + 1e-6).all();
+    }
+    if (!ok) continue;
+    result->num_pieces = node.depth + pieces;
+    return true;
+  }
+  return false;
+}
+
+SearchStatus KinodynamicSearch::find(const SearchProblem& problem, SearchResult* result) {
+  problem_ = problem;
+  result->expansions = 0;
+  result->free_until_utime = kNever;
+  start_blocked_ = false;
+  start_blocked_ = !free_at(problem.start.position, problem.start_utime);
+  result->left_blocked = start_blocked_;
+  for (int depth = 0; depth < options_.num_pieces; ++depth) {
+    for (int i = 0; i < kSamples; ++i) {
+      const std::int64_t offset = (depth * kSamples + i + 1) * std::int64_t{options_.piece_us} / kSamples;
+      frames_[depth][i] = problem.blocked->frame_at(problem.start_utime + offset);
+    }
+  }
+  nodes_.clear();
+  open_.clear();
+  expanded_.clear();
+  std::fill(closed_.begin(), closed_.end(), 0);
+
+  push(problem.start, heuristic(problem.start), 0.0, -1, 0);
+  while (!open_.empty() && result->expansions < options_.max_expansions) {
+    std::pop_heap(open_.begin(), open_.end(), kLater);
+    const std::int32_t index = open_.back().node;
+    open_.pop_back();
+    const Node& node = nodes_[index];
+    if (seen_before(node.state, node.depth)) continue;
+    expanded_.push_back(index);
+    ++result->expansions;
+    if (node.time_to_goal <= (options_.num_pieces - node.depth) * tau_ && shoot(node, result)) {
+      trace_back(index, result);
+      return SearchStatus::kGoal;
+    }
+    if (node.depth < max_depth_) {
+      expand(index);
+    } else if (brake(node, result) == kNever) {
+      trace_back(index, result);
+      return SearchStatus::kSurvives;
+    }
+  }
+  return settle(result);
+}
+
+SearchStatus KinodynamicSearch::settle(SearchResult* result) {
+  std::sort(expanded_.begin(), expanded_.end(), [this](std::int32_t a, std::int32_t b) {
+    const double to_a = nodes_[a].cost + options_.heuristic_weight * nodes_[a].time_to_goal - nodes_[a].depth * tau_;
+    const double to_b = nodes_[b].cost + options_.heuristic_weight * nodes_[b].time_to_goal - nodes_[b].depth * tau_;
+    return to_a < to_b || (to_a == to_b && a < b);
+  });
+  std::int32_t longest = 0;
+  std::int64_t longest_until = -1;
+  for (const std::int32_t index : expanded_) {
+    const std::int64_t until = brake(nodes_[index], result);
+    if (until > longest_until) longest_until = until, longest = index;
+    if (until == kNever) break;
+  }
+  result->free_until_utime = brake(nodes_[longest], result);
+  trace_back(longest, result);
+  return longest_until == kNever ? SearchStatus::kSurvives : SearchStatus::kPartial;
+}
+
+}  // namespace swarm

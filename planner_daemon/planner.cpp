@@ -1,0 +1,191 @@
+#include "planner_daemon/planner.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+
+#include "planner_daemon/swept_volume.h"
+
+namespace swarm {
+namespace {
+
+constexpr std::int64_t kNever = std::numeric_limits<std::int64_t>::max();
+constexpr std::int64_t kCheckStep_us = 10'000;
+
+}  // namespace
+
+const char* to_string(PlanOutcome outcome) {
+  switch (outcome) {
+    case PlanOutcome::kSmooth: return "smooth";
+    case PlanOutcome::kRaw: return "raw";
+    case PlanOutcome::kUnsafe: return "unsafe";
+  }
+  return "?";
+}
+
+const char* to_string(PlanStep step) {
+  static constexpr const char* kNames[kNumPlanSteps] = {"compose", "search", "corridor", "optimize", "check"};
+  return kNames[static_cast<int>(step)];
+}
+
+Planner::Planner(const PlannerConfig& config, Stopwatch stopwatch)
+    : config_(config),
+      stopwatch_(std::move(stopwatch)),
+      search_(config.limits, config.search),
+      corridors_(config.limits.space_min, config.limits.space_max, config.corridor) {
+  for (int pieces = 1; pieces <= config.search.num_pieces; ++pieces) {
+    optimizers_.emplace_back(5, std::vector<double>(static_cast<std::size_t>(pieces), config.search.piece_us * 1e-6));
+  }
+}
+
+// The paper on one screen.
+const PlanResult& Planner::plan(const PlanRequest& request) {
+  result_.step_ms.fill(0.0);
+  result_.corridors.clear();
+  lap_ns_ = stopwatch_ ? stopwatch_() : 0;
+
+  compose(request);  // III-C: the peers' swept volumes join the SOGM; then configuration space
+  lap(PlanStep::kCompose);
+  result_.search_status = search(request);  // IV-A: kinodynamic A* to the goal, or to survive to the horizon
+  lap(PlanStep::kSearch);
+  bool smoothed = grow_corridors(request);  // IV-B: FIRI, one polytope per piece
+  lap(PlanStep::kCorridor);
+  Trajectory smooth;
+  smoothed = smoothed && optimize(request, &smooth);  // IV-C: minimum-jerk Bezier curve inside the corridor
+  lap(PlanStep::kOptimize);
+  check(request, smoothed, smooth);  // against the same free space; picks the smooth, the raw or the present motion
+  lap(PlanStep::kCheck);
+  return result_;
+}
+
+void Planner::lap(PlanStep step) {
+  if (!stopwatch_) return;
+  const std::int64_t now_ns = stopwatch_();
+  result_.step_ms[static_cast<std::size_t>(step)] += 1e-6 * static_cast<double>(now_ns - lap_ns_);
+  lap_ns_ = now_ns;
+}
+
+void Planner::compose(const PlanRequest& request) {
+  occupied_ = *request.sogm;
+  for (const Peer& peer : *request.peers) {
+    const double reach = peer.radius_m + 0.5 * occupied_.geometry.resolution_m;
+    mark_swept_volume(peer.motion, reach, &occupied_);
+    if (!peer.announced.empty()) mark_swept_volume({peer.motion.committed, peer.announced}, reach, &occupied_);
+  }
+  dilate(occupied_, config_.radius_m + config_.clearance_m, &blocked_);
+  dilate(occupied_, config_.radius_m + config_.clearance_m + config_.comfort_m, &near_);
+}
+
+void Planner::dilate_emergency_zones() {
+  dilate(occupied_, config_.radius_m + config_.tight_m, &tight_);
+  dilate(occupied_, std::max(0.0, config_.radius_m - config_.contact_m), &contact_);
+}
+
+SearchStatus Planner::search(const PlanRequest& request) {
+  SearchProblem problem;
+  problem.start = request.own.at(request.start_utime);
+  problem.start_utime = request.start_utime;
+  problem.goal = request.goal;
+  problem.blocked = free_space_ = &blocked_;
+  problem.near = &near_;
+  problem.tight = &tight_;
+  problem.contact = &contact_;
+  const SearchLimits& limits = config_.limits;
+  if (guidance_.build(blocked_, request.goal, limits.space_min.z(), limits.space_max.z())) problem.guidance = &guidance_;
+  const bool start_blocked = blocked_.occupied(blocked_.frame_at(request.start_utime), blocked_.geometry.voxel_of(problem.start.position));
+  if (start_blocked) dilate_emergency_zones();
+  SearchStatus status = search_.find(problem, &path_);
+  result_.expansions = path_.expansions;
+  if (status == SearchStatus::kPartial) {  // nothing survives: look again with less clearance
+    if (!start_blocked) dilate_emergency_zones();
+    problem.blocked = free_space_ = &tight_;
+    status = search_.find(problem, &path_);
+    result_.expansions += path_.expansions;
+  }
+  return status;
+}
+
+bool Planner::grow_corridors(const PlanRequest& request) {
+  const double h = config_.search.piece_us * 1e-6;
+  problem_.corridors.resize(static_cast<std::size_t>(path_.num_pieces));
+  for (int k = 0; k < path_.num_pieces; ++k) {
+    const std::int64_t from = request.start_utime + k * std::int64_t{config_.search.piece_us};
+    const ControlPoints piece = quintic_control_points(path_.knots[k], path_.knots[k + 1], h);
+    const FiriStatus status = corridors_.build(piece, *free_space_, from, from + config_.search.piece_us,
+                                               &problem_.corridors[static_cast<std::size_t>(k)]);
+    if (status != FiriStatus::kGrown) return false;
+  }
+  result_.corridors = problem_.corridors;
+  return true;
+}
+
+bool Planner::optimize(const PlanRequest& request, Trajectory* smooth) {
+  const int n = path_.num_pieces;
+  const double h = config_.search.piece_us * 1e-6;
+  const MotionState &start = path_.knots[0], &end = path_.knots[n];
+  problem_.start = {start.position, start.velocity, start.acceleration};
+  problem_.end = {end.position, end.velocity, end.acceleration};
+  // The start lies inside a piece of the own motion, so its control points may pass the limits although the motion does
+  // not; they are no unknowns. within_limits() looks at the motion itself afterwards.
+  const Eigen::Vector3d drift = start.velocity + h / 4 * start.acceleration;
+  problem_.v_max = std::max({config_.limits.v_max, start.velocity.cwiseAbs().maxCoeff(), drift.cwiseAbs().maxCoeff()});
+  problem_.a_max = std::max(config_.limits.a_max, start.acceleration.cwiseAbs().maxCoeff());
+  if (optimizers_[static_cast<std::size_t>(n) - 1].solve(problem_, &solution_) != SplineStatus::kSolved) return false;
+  *smooth = Trajectory(0, request.start_utime, config_.search.piece_us, n);
+  smooth->set_knot(0, start);
+  for (int k = 1; k < n; ++k) {
+    const ControlPoints piece = solution_.control_points.middleCols<6>(6 * k);
+    smooth->set_knot(k, evaluate_bezier(piece, h, 0.0));
+  }
+  smooth->set_knot(n, end);
+  return true;
+}
+
+Trajectory Planner::raw_trajectory(std::int64_t start_utime) const {
+  Trajectory raw(0, start_utime, config_.search.piece_us, path_.num_pieces);
+  for (int k = 0; k <= path_.num_pieces; ++k) raw.set_knot(k, path_.knots[k]);
+  return raw;
+}
+
+bool Planner::within_limits(const Trajectory& trajectory) const {
+  constexpr double kTolerance = 1.005;
+  for (std::int64_t t = trajectory.start_utime(); t < trajectory.end_utime(); t += kCheckStep_us) {
+    const MotionState state = trajectory.at(t);
+    if (state.velocity.cwiseAbs().maxCoeff() > config_.limits.v_max * kTolerance ||
+        state.acceleration.cwiseAbs().maxCoeff() > config_.limits.a_max * kTolerance) {
+      return false;
+    }
+  }
+  return true;
+}
+
+std::int64_t Planner::first_blocked(const Motion& motion, const Sogm& blocked, std::int64_t from_utime) {
+  const std::int64_t end = blocked.start_utime + blocked.num_frames * blocked.frame_duration_us;
+  for (std::int64_t t = from_utime; t < std::max(end, motion.end_utime()); t += kCheckStep_us) {
+    const Eigen::Vector3i voxel = blocked.geometry.voxel_of(motion.at(t).position);
+    if (blocked.occupied(blocked.frame_at(t), voxel)) return t;
+  }
+  return kNever;
+}
+
+void Planner::check(const PlanRequest& request, bool smoothed, const Trajectory& smooth) {
+  const std::int64_t from = request.start_utime;
+  const std::int64_t left = from + (path_.left_blocked ? std::llround(config_.search.leave_s * 1e6) : 0);
+  const bool safe = result_.search_status != SearchStatus::kPartial;
+  if (safe && smoothed && within_limits(smooth) &&
+      first_blocked({smooth, {}}, *free_space_, left) == kNever) {
+    result_.outcome = PlanOutcome::kSmooth;
+    result_.trajectory = smooth;
+    result_.fly = true;
+    return;
+  }
+  result_.trajectory = raw_trajectory(from);
+  result_.outcome = safe ? PlanOutcome::kRaw : PlanOutcome::kUnsafe;
+  result_.fly = true;
+  if (!safe) {  // the motion already flown may last longer
+    result_.fly = path_.free_until_utime > first_blocked(request.own, *free_space_, left);
+  }
+}
+
+}  // namespace swarm

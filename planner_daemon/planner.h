@@ -1,0 +1,101 @@
+// The planner: the paper's pipeline, one call per plan. Value types in, a result out; no clock, no messages.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <vector>
+
+#include "map_daemon/sogm.h"
+#include "planner_daemon/corridor.h"
+#include "planner_daemon/kinodynamic_search.h"
+#include "planner_daemon/spline_qp.h"
+#include "planner_daemon/trajectory.h"
+
+namespace swarm {
+
+struct PlannerConfig {
+  double radius_m = 0.2;        // of the robot's sphere
+  double clearance_m = 0.1;     // free: farther than radius + clearance from every occupied voxel's centre
+  double tight_m = 0.03;        // the clearance when nothing survives with the full one
+  double contact_m = 0.04;      // a voxel's centre this far inside the radius means a touch
+  double comfort_m = 0.15;      // beyond the clearance: avoided where that costs little
+  SearchLimits limits;          // flight space: of the robot's centre
+  SearchOptions search;
+  CorridorOptions corridor;
+};
+
+struct Peer {
+  Motion motion;
+  Trajectory announced;  // waits for acknowledgements: occupied too; may be empty
+  double radius_m = 0.2;
+};
+
+struct PlanRequest {
+  const Sogm* sogm = nullptr;        // obstacles only, not dilated
+  Motion own;                        // what this robot is bound to
+  std::int64_t start_utime = 0;      // the plan leaves the own motion here
+  Eigen::Vector3d goal = Eigen::Vector3d::Zero();
+  const std::vector<Peer>* peers = nullptr;
+};
+
+enum class PlanOutcome {
+  kSmooth,  // the optimised trajectory
+  kRaw,     // the search's own path: smoothing was not possible or not safe
+  kUnsafe,  // nothing survives: the motion that stays free the longest, which may be the one already flown
+};
+const char* to_string(PlanOutcome outcome);
+
+enum class PlanStep { kCompose, kSearch, kCorridor, kOptimize, kCheck };
+inline constexpr int kNumPlanSteps = 5;
+const char* to_string(PlanStep step);
+
+struct PlanResult {
+  PlanOutcome outcome = PlanOutcome::kUnsafe;
+  bool fly = false;                 // false: keep the own motion, it is the better one
+  Trajectory trajectory;            // seq 0: the caller numbers it
+  std::vector<Polytope> corridors;  // one per piece that was smoothed; bound the robot's centre
+  SearchStatus search_status = SearchStatus::kPartial;
+  int expansions = 0;
+  std::array<double, kNumPlanSteps> step_ms{};  // wall time; 0 without a stopwatch
+};
+
+class Planner {
+ public:
+  using Stopwatch = std::function<std::int64_t()>;  // monotonic [ns]; may be null
+
+  // Throws std::invalid_argument with name, value and rule.
+  explicit Planner(const PlannerConfig& config, Stopwatch stopwatch = nullptr);
+
+  const PlanResult& plan(const PlanRequest& request);
+
+  // First time from `from_utime` on at which the motion enters `blocked`, or INT64_MAX (fine sampling, hover tail included).
+  static std::int64_t first_blocked(const Motion& motion, const Sogm& blocked, std::int64_t from_utime);
+
+ private:
+  void compose(const PlanRequest& request);
+  void dilate_emergency_zones();
+  SearchStatus search(const PlanRequest& request);
+  bool grow_corridors(const PlanRequest& request);
+  bool optimize(const PlanRequest& request, Trajectory* smooth);
+  void check(const PlanRequest& request, bool smoothed, const Trajectory& smooth);
+  Trajectory raw_trajectory(std::int64_t start_utime) const;
+  bool within_limits(const Trajectory& trajectory) const;
+  void lap(PlanStep step);
+
+  PlannerConfig config_;
+  Stopwatch stopwatch_;
+  std::int64_t lap_ns_ = 0;
+  Guidance guidance_;
+  KinodynamicSearch search_;
+  CorridorBuilder corridors_;
+  std::vector<SplineQp> optimizers_;  // [n - 1]: for n pieces
+  SplineProblem problem_;
+  SplineSolution solution_;
+  Sogm occupied_, blocked_, near_, tight_, contact_;
+  const Sogm* free_space_ = nullptr;  // what the newest search used: blocked_ or tight_
+  SearchResult path_;
+  PlanResult result_;
+};
+
+}  // namespace swarm

@@ -1,0 +1,20 @@
+#include <chrono>
+
+#include "lcmtypes/bus/realtime_host.h"
+#include "planner_daemon/planner_node.h"
+
+int main(int argc, char** argv) {
+  swarm::PlannerNodeConfig config;
+  const auto stopwatch = [] {
+    return std::int64_t{std::chrono::nanoseconds(std::chrono::steady_clock::now().time_since_epoch()).count()};
+  };
+  return swarm::daemon_main(
+      "planner_daemon",
+      "Plans one robot's trajectory: listens to the spatiotemporal occupancy grid map, the goal and the committed\n"
+      "trajectories of this robot and its peers, and sends a candidate trajectory to the broadcast daemon.",
+      argc, argv, swarm::DaemonBuses::kOnboard, [&](swarm::OptionSet& options) { declare(options, config); },
+      [&] {
+        const auto boot = static_cast<std::int32_t>(swarm::wall_utime() / 1'000'000);
+        return std::make_unique<swarm::PlannerNode>(config, boot, stopwatch);
+      });
+}

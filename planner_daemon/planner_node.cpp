@@ -1,0 +1,239 @@
+#include "planner_daemon/planner_node.h"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+#include "lcmtypes/bus/channels.h"
+
+namespace swarm {
+namespace {
+
+using sogm_swarm::announcement_t;
+using sogm_swarm::planner_status_t;
+
+constexpr std::int64_t kMaxAge_us = 1'000'000;
+constexpr std::int64_t kStatusPeriod_us = 1'000'000;
+constexpr std::size_t kMaxPeers = 64;
+
+std::int64_t to_us(double seconds) { return std::llround(seconds * 1e6); }
+
+// An announcement says what its robot is bound to, and what it would like to be.
+void read_announcement(const announcement_t& message, Motion* motion, Trajectory* announced) {
+  const Trajectory pending = Trajectory::from_wire(message.pending);
+  const bool binding = message.pending_state == announcement_t::kCommitted;
+  *motion = {Trajectory::from_wire(message.committed), binding ? pending : Trajectory()};
+  *announced = message.pending_state == announcement_t::kAnnounced ? pending : Trajectory();
+}
+
+}  // namespace
+
+void declare(OptionSet& options, PlannerNodeConfig& config) {
+  PlannerConfig& planner = config.planner;
+  options.add("robot-id", &config.robot_id, 0, 32767, "", "this robot");
+  options.add("radius", &planner.radius_m, 0.01, 10, "m", "of the sphere that holds the robot");
+  options.add("clearance", &planner.clearance_m, 0, 5, "m", "beyond the radius, to occupied voxels: free space of search, corridor and check");
+  options.add("tight-clearance", &planner.tight_m, 0, 5, "m", "the same, when nothing survives with the full clearance");
+  options.add("comfort", &planner.comfort_m, 0, 5, "m", "beyond the clearance: avoided where that costs little time");
+  options.add("v-max", &planner.limits.v_max, 0.01, 100, "m/s", "speed limit per axis");
+  options.add("a-max", &planner.limits.a_max, 0.01, 1000, "m/s^2", "acceleration limit per axis");
+  options.add("space-min", &planner.limits.space_min, -1e5, 1e5, "m", "flight space of the robot's centre, lower corner");
+  options.add("space-max", &planner.limits.space_max, -1e5, 1e5, "m", "flight space of the robot's centre, upper corner");
+  options.add("piece-us", &planner.search.piece_us, 10'000, 10'000'000, "us", "duration of a motion primitive and trajectory piece");
+  options.add("pieces", &planner.search.num_pieces, 2, Trajectory::kMaxPieces, "", "horizon in pieces, braking to rest included");
+  options.add("max-expansions", &planner.search.max_expansions, 10, 100'000, "", "budget of the search");
+  options.add("corridor-reach", &planner.corridor.reach_m, 0.1, 10, "m", "how far a corridor reaches beyond its piece");
+  options.add("lead", &config.lead_s, 0.005, 2, "s", "a plan leaves the committed motion this long after planning starts");
+  options.add("period", &config.period_s, 0, 10, "s", "least time between plans; every newer map is planned with");
+  options.add("stale-map", &config.stale_map_s, 0.05, 10, "s", "an older map is not planned with");
+  options.add("clock-limit", &config.clock_limit_s, 0.001, 10, "s", "messages from further in the future are refused");
+}
+
+void verify(const PlannerNodeConfig& config) {
+  const SearchLimits& limits = config.planner.limits;
+  for (int axis = 0; axis < 3; ++axis) {
+    if (limits.space_min[axis] >= limits.space_max[axis]) {
+      throw OptionError("--space-min: must be below --space-max on every axis");
+    }
+  }
+  if (config.planner.tight_m > config.planner.clearance_m) throw OptionError("--tight-clearance: must be at most --clearance");
+  try {
+    KinodynamicSearch probe(limits, config.planner.search);
+  } catch (const std::invalid_argument& error) {
+    throw OptionError(std::string("--pieces, --piece-us: ") + error.what());
+  }
+}
+
+PlannerNode::PlannerNode(const PlannerNodeConfig& config, std::int32_t boot, Planner::Stopwatch stopwatch, bool publish_durations)
+    : config_(config),
+      publish_durations_(publish_durations),
+      planner_((verify(config), config.planner), std::move(stopwatch)),
+      candidate_headers_(config.robot_id, boot),
+      corridor_headers_(config.robot_id, boot),
+      status_headers_(config.robot_id, boot) {}
+
+std::vector<Subscription> PlannerNode::subscriptions() const {
+  return {{BusId::kOnboard, channel::kSogm},
+          {BusId::kOnboard, channel::kOwnTrajectory},
+          {BusId::kOnboard, channel::kPeerTrajectory},
+          {BusId::kOnboard, channel::kGoal}};
+}
+
+void PlannerNode::on_message(std::int64_t now_us, BusId, std::string_view channel, std::span<const std::uint8_t> bytes, Outbox&) {
+  Refusal refusal = Refusal::kNone;
+  if (channel == channel::kSogm) {
+    refusal = on_sogm(now_us, bytes);
+  } else if (channel == channel::kOwnTrajectory) {
+    refusal = on_own(bytes);
+  } else if (channel == channel::kPeerTrajectory) {
+    refusal = on_peer(now_us, bytes);
+  } else if (channel == channel::kGoal) {
+    refusal = on_goal(bytes);
+  }
+  if (refusal != Refusal::kNone) refused_.count(refusal);
+}
+
+Refusal PlannerNode::on_sogm(std::int64_t now_us, std::span<const std::uint8_t> bytes) {
+  sogm_swarm::sogm_t part;
+  if (const Refusal refusal = decode(bytes, &part); refusal != Refusal::kNone) return refusal;
+  if (part.header.robot_id != config_.robot_id) return Refusal::kRobot;
+  if (const Refusal refusal = check_time(part.header.utime, now_us, kMaxAge_us, to_us(config_.clock_limit_s)); refusal != Refusal::kNone) return refusal;
+  const Assembly assembly = assembler_.add(part, &map_);
+  if (assembly.status == AssemblyStatus::kComplete) {
+    if (map_is_new_) ++missed_;
+    map_is_new_ = true;
+  }
+  return assembly.refusal;
+}
+
+Refusal PlannerNode::on_own(std::span<const std::uint8_t> bytes) {
+  announcement_t message;
+  if (const Refusal refusal = decode(bytes, &message); refusal != Refusal::kNone) return refusal;
+  if (message.header.robot_id != config_.robot_id) return Refusal::kRobot;
+  if (const Refusal refusal = own_gate_.pass(message.header); refusal != Refusal::kNone) return refusal;
+  Trajectory announced;
+  read_announcement(message, &own_.emplace(), &announced);
+  return Refusal::kNone;
+}
+
+Refusal PlannerNode::on_peer(std::int64_t now_us, std::span<const std::uint8_t> bytes) {
+  announcement_t message;
+  if (const Refusal refusal = decode(bytes, &message); refusal != Refusal::kNone) return refusal;
+  const int id = message.header.robot_id;
+  if (id == config_.robot_id || (!peers_.contains(id) && peers_.size() == kMaxPeers)) return Refusal::kRobot;
+  if (const Refusal refusal = check_time(message.header.utime, now_us, kMaxAge_us, to_us(config_.clock_limit_s)); refusal != Refusal::kNone) return refusal;
+  PeerEntry& entry = peers_[id];
+  if (const Refusal refusal = entry.gate.pass(message.header); refusal != Refusal::kNone) return refusal;
+  read_announcement(message, &entry.peer.motion, &entry.peer.announced);
+  entry.peer.radius_m = message.radius;
+  return Refusal::kNone;
+}
+
+Refusal PlannerNode::on_goal(std::span<const std::uint8_t> bytes) {
+  sogm_swarm::goal_t message;
+  if (const Refusal refusal = decode(bytes, &message); refusal != Refusal::kNone) return refusal;
+  if (message.header.robot_id != config_.robot_id) return Refusal::kRobot;
+  if (const Refusal refusal = goal_gate_.pass(message.header); refusal != Refusal::kNone) return refusal;
+  goal_ = Eigen::Vector3d(message.position);
+  return Refusal::kNone;
+}
+
+std::int64_t PlannerNode::step(std::int64_t now_us, Outbox& outbox) {
+  const bool has_map = map_.num_frames > 0;
+  const bool stale = has_map && now_us - map_.start_utime > to_us(config_.stale_map_s);
+  std::int64_t wake = std::max(next_status_us_, now_us + 1);
+  if (map_is_new_ && own_ && !stale) {
+    // One plan at a time: a committed trajectory that has not begun yet is waited for.
+    std::int64_t due = last_plan_us_ + to_us(config_.period_s);
+    if (!own_->next.empty()) due = std::max(due, own_->next.start_utime());
+    if (now_us < due) {
+      wake = std::min(wake, due);
+    } else {
+      plan(now_us, outbox);
+    }
+  }
+  if (now_us >= next_status_us_) {
+    std::int16_t state = planner_status_t::kPlanning;
+    if (!has_map) state = planner_status_t::kNoMap;
+    else if (stale) state = planner_status_t::kStaleMap;
+    else if (!own_) state = planner_status_t::kNoCommitted;
+    else if (!goal_) state = planner_status_t::kNoGoal;
+    publish_status(now_us, state, outbox);
+    wake = std::min(wake, next_status_us_);
+  }
+  return std::max(wake, now_us + 1);
+}
+
+void PlannerNode::plan(std::int64_t now_us, Outbox& outbox) {
+  map_is_new_ = false;
+  last_plan_us_ = now_us;
+  peer_list_.clear();
+  for (const auto& [id, entry] : peers_) peer_list_.push_back(entry.peer);
+
+  PlanRequest request;
+  request.sogm = &map_;
+  request.own = *own_;
+  request.start_utime = now_us + to_us(config_.lead_s);
+  // Without a goal the robot holds its place, but steps aside like any other.
+  if (!hold_) hold_ = own_->at(own_->end_utime()).position;
+  request.goal = goal_.value_or(*hold_);
+  request.peers = &peer_list_;
+  newest_ = &planner_.plan(request);
+
+  ++plans_;
+  plan_times_.push_back(now_us);
+  if (newest_->fly) {
+    sogm_swarm::candidate_t candidate{};
+    candidate.header = candidate_headers_.next(now_us);
+    Trajectory trajectory = newest_->trajectory;
+    trajectory.set_seq(++candidate_seq_);
+    candidate.trajectory = trajectory.to_wire();
+    outbox.publish(BusId::kOnboard, channel::kCandidate, candidate);
+    publish_corridors(now_us, outbox);
+  }
+  publish_status(now_us, planner_status_t::kPlanning, outbox);
+}
+
+void PlannerNode::publish_corridors(std::int64_t now_us, Outbox& outbox) {
+  sogm_swarm::corridors_t message{};
+  message.header = corridor_headers_.next(now_us);
+  message.trajectory_seq = candidate_seq_;
+  for (std::size_t piece = 0; piece < newest_->corridors.size(); ++piece) {
+    const Polytope& polytope = newest_->corridors[piece];
+    for (int i = 0; i < polytope.num_faces() && message.faces.size() < 2048; ++i) {
+      sogm_swarm::face_t face;
+      face.piece = static_cast<std::int16_t>(piece);
+      for (int axis = 0; axis < 3; ++axis) face.normal[axis] = static_cast<float>(polytope.normals(i, axis));
+      face.offset = static_cast<float>(polytope.offsets(i));
+      message.faces.push_back(face);
+    }
+  }
+  message.num_faces = static_cast<std::int32_t>(message.faces.size());
+  outbox.publish(BusId::kOnboard, channel::kCorridors, message);
+}
+
+void PlannerNode::publish_status(std::int64_t now_us, std::int16_t state, Outbox& outbox) {
+  while (!plan_times_.empty() && plan_times_.front() <= now_us - 1'000'000) plan_times_.pop_front();
+  planner_status_t status{};
+  status.header = status_headers_.next(now_us);
+  status.state = state;
+  status.plans = plans_;
+  status.missed = missed_;
+  status.rate_hz = static_cast<float>(plan_times_.size());
+  if (newest_ != nullptr) {
+    status.outcome = static_cast<std::int16_t>(newest_->outcome);
+    status.expansions = newest_->expansions;
+    if (publish_durations_) {
+      float* const step_ms[kNumPlanSteps] = {&status.compose_ms, &status.search_ms, &status.corridor_ms, &status.optimize_ms, &status.check_ms};
+      for (std::size_t i = 0; i < kNumPlanSteps; ++i) {
+        *step_ms[i] = static_cast<float>(newest_->step_ms[i]);
+        status.total_ms += *step_ms[i];
+      }
+    }
+  }
+  refused_.copy_to(status.refused);
+  outbox.publish(BusId::kOnboard, channel::kPlannerStatus, status);
+  next_status_us_ = now_us + kStatusPeriod_us;
+}
+
+}  // namespace swarm

@@ -1,0 +1,82 @@
+// The planner daemon's node: plans once per SOGM, from the committed motion, towards the goal.
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <map>
+#include <optional>
+#include <vector>
+
+#include "lcmtypes/bus/header_source.h"
+#include "lcmtypes/bus/node.h"
+#include "lcmtypes/bus/option_set.h"
+#include "map_daemon/sogm_codec.h"
+#include "planner_daemon/planner.h"
+
+namespace swarm {
+
+struct PlannerNodeConfig {
+  int robot_id = 0;
+  PlannerConfig planner;
+  double lead_s = 0.035;        // a plan leaves the committed motion this long after planning starts
+  double period_s = 0.04;       // least time between plans
+  double stale_map_s = 0.35;    // an older SOGM is not planned with
+  double clock_limit_s = 0.1;   // messages from further in the future are refused
+};
+
+void declare(OptionSet& options, PlannerNodeConfig& config);
+// Throws OptionError on combinations that cannot work.
+void verify(const PlannerNodeConfig& config);
+
+class PlannerNode : public Node {
+ public:
+  // `boot`: grows at every start. `stopwatch` null: messages carry zero durations.
+  PlannerNode(const PlannerNodeConfig& config, std::int32_t boot, Planner::Stopwatch stopwatch, bool publish_durations = true);
+
+  std::vector<Subscription> subscriptions() const override;
+  void on_message(std::int64_t now_us, BusId bus, std::string_view channel, std::span<const std::uint8_t> bytes,
+                  Outbox& outbox) override;
+  std::int64_t step(std::int64_t now_us, Outbox& outbox) override;
+
+  const PlanResult& newest_plan() const { return *newest_; }
+  int plans() const { return plans_; }
+  int missed() const { return missed_; }
+  const RefusalCounts& refused() const { return refused_; }
+
+ private:
+  Refusal on_sogm(std::int64_t now_us, std::span<const std::uint8_t> bytes);
+  Refusal on_own(std::span<const std::uint8_t> bytes);
+  Refusal on_peer(std::int64_t now_us, std::span<const std::uint8_t> bytes);
+  Refusal on_goal(std::span<const std::uint8_t> bytes);
+  void plan(std::int64_t now_us, Outbox& outbox);
+  void publish_corridors(std::int64_t now_us, Outbox& outbox);
+  void publish_status(std::int64_t now_us, std::int16_t state, Outbox& outbox);
+
+  PlannerNodeConfig config_;
+  bool publish_durations_;
+  Planner planner_;
+  SogmAssembler assembler_;
+  RefusalCounts refused_;
+  HeaderSource candidate_headers_, corridor_headers_, status_headers_;
+
+  Sogm map_;  // the newest complete one
+  bool map_is_new_ = false;  // not planned with yet
+  std::optional<Motion> own_;
+  std::optional<Eigen::Vector3d> goal_;
+  std::optional<Eigen::Vector3d> hold_;  // where it rested when planning began: the goal until there is one
+  SequenceGate own_gate_, goal_gate_;
+  struct PeerEntry {
+    SequenceGate gate;
+    Peer peer;
+  };
+  std::map<int, PeerEntry> peers_;
+  std::vector<Peer> peer_list_;  // of peers_, handed to the planner
+
+  const PlanResult* newest_ = nullptr;
+  std::deque<std::int64_t> plan_times_;  // within the last second
+  std::int64_t last_plan_us_ = 0;
+  std::int64_t next_status_us_ = 0;
+  std::int32_t plans_ = 0, missed_ = 0, candidate_seq_ = 0;
+};
+
+}  // namespace swarm

@@ -1,0 +1,308 @@
+#include "swarm_sim/processes.h"
+
+#include <spdlog/spdlog.h>
+
+#include <boost/asio/steady_timer.hpp>
+#include <chrono>
+#include <fstream>
+#include <iostream>
+#include <map>
+#include <memory>
+#include <optional>
+#include <sstream>
+
+#include "lcmtypes/bus/channels.h"
+#include "lcmtypes/bus/lcm_bus.h"
+#include "lcmtypes/bus/realtime_host.h"
+#include "swarm_sim/child_processes.h"
+
+namespace swarm {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr std::int64_t kGoalPeriod_us = 1'000'000;
+constexpr std::int64_t kReadyTimeout_us = 20'000'000;
+
+constexpr const char* kOnboardChannels[] = {
+    channel::kRobotState, channel::kObstacles,     channel::kObstacleVoxels, channel::kGoal,      channel::kSogm,
+    channel::kCandidate,  channel::kOwnTrajectory, channel::kPeerTrajectory, channel::kSetpoint,  channel::kCorridors,
+    channel::kMapStatus,  channel::kPlannerStatus, channel::kBroadcastStatus};
+
+// Removes itself and what it holds.
+class TemporaryDirectory {
+ public:
+  TemporaryDirectory() {
+    std::string pattern = (std::filesystem::temp_directory_path() / "swarm_sim.XXXXXX").string();
+    if (::mkdtemp(pattern.data()) == nullptr) throw std::runtime_error(pattern + ": cannot be made");
+    path_ = pattern;
+  }
+  ~TemporaryDirectory() {
+    std::error_code ignored;
+    std::filesystem::remove_all(path_, ignored);
+  }
+  TemporaryDirectory(const TemporaryDirectory&) = delete;
+  TemporaryDirectory& operator=(const TemporaryDirectory&) = delete;
+  const std::filesystem::path& path() const { return path_; }
+
+ private:
+  std::filesystem::path path_;
+};
+
+// The clock of the run and the simulation behind it, shared by the robots' nodes: whoever comes first moves it on.
+struct World4D {
+  Simulation& simulation;
+  const std::function<void(double, const Simulation&)>& progress;
+  RealtimeHost& host;
+  std::int64_t now_us;                 // last tick that was simulated
+  std::optional<std::int64_t> start_us;  // world time 0
+
+  double t_s(std::int64_t utime) const { return start_us ? 1e-6 * static_cast<double>(utime - *start_us) : -1.0; }
+
+  void advance(std::int64_t until_us) {
+    while (now_us + Simulation::kTick_us <= until_us) {
+      now_us += Simulation::kTick_us;
+      if (!start_us || now_us < *start_us) {
+        simulation.settle(now_us);
+        continue;
+      }
+      simulation.tick(t_s(now_us), now_us);
+      if (progress && (now_us - *start_us) % 100'000 == 0) progress(t_s(now_us), simulation);
+      if (simulation.judge().finished()) {
+        host.stop();
+        return;
+      }
+    }
+  }
+};
+
+// What surrounds one robot: its sensors and its flight controller, on its onboard bus; and the recorder of that bus.
+class RobotEnvironment : public Node {
+ public:
+  RobotEnvironment(World4D& world, std::size_t index, int id, std::int64_t sensor_period_us, bool hears_swarm, BusLog* logs)
+      : world_(world), index_(index), id_(id), sensor_period_us_(sensor_period_us), hears_swarm_(hears_swarm), logs_(logs) {}
+
+  std::vector<Subscription> subscriptions() const override {
+    std::vector<Subscription> all;
+    for (const char* channel : kOnboardChannels) all.push_back({BusId::kOnboard, channel});
+    if (hears_swarm_) all.push_back({BusId::kSwarm, channel::kTrajectory});
+    return all;
+  }
+
+  void on_message(std::int64_t now_us, BusId bus, std::string_view channel, std::span<const std::uint8_t> bytes, Outbox&) override {
+    if (logs_ != nullptr) logs_->write(bus, id_, now_us, channel, bytes);
+    ChannelCount& count = channels_[std::string(channel)];
+    ++count.messages;
+    count.bytes += static_cast<std::int64_t>(bytes.size());
+    if (bus == BusId::kSwarm) return;
+    if (channel == channel::kSetpoint) world_.simulation.on_setpoint(index_, bytes);
+    else if (channel == channel::kMapStatus) read(bytes, &map_status_);
+    else if (channel == channel::kBroadcastStatus) read(bytes, &broadcast_status_);
+    else if (channel == channel::kPlannerStatus && read(bytes, &planner_status_)) note_plan();
+  }
+
+  std::int64_t step(std::int64_t now_us, Outbox& outbox) override {
+    world_.advance(now_us);
+    if (world_.now_us == last_tick_us_) return last_tick_us_ + Simulation::kTick_us;
+    last_tick_us_ = world_.now_us;
+    // Sensors of different robots are not synchronised.
+    const std::int64_t phase = last_tick_us_ + static_cast<std::int64_t>(index_) * Simulation::kTick_us;
+    const double t_s = world_.t_s(last_tick_us_);
+    if (phase / sensor_period_us_ != last_detection_) {
+      last_detection_ = phase / sensor_period_us_;
+      outbox.publish(BusId::kOnboard, channel::kObstacles, world_.simulation.obstacles_message(index_, t_s, last_tick_us_));
+    }
+    outbox.publish(BusId::kOnboard, channel::kRobotState, world_.simulation.state_message(index_, last_tick_us_));
+    if (t_s >= 0.0 && last_tick_us_ >= next_goal_us_) {
+      outbox.publish(BusId::kOnboard, channel::kGoal, world_.simulation.goal_message(index_, last_tick_us_));
+      next_goal_us_ = last_tick_us_ + kGoalPeriod_us;
+    }
+    return last_tick_us_ + Simulation::kTick_us;
+  }
+
+  // What keeps the robot from flying; empty: nothing.
+  std::string missing() const {
+    using namespace sogm_swarm;
+    if (broadcast_status_.header.utime == 0) return "broadcast_daemon: no status";
+    if (broadcast_status_.state != broadcast_status_t::kFlying) return "broadcast_daemon: waits for the robot's state or for peers";
+    if (map_status_.header.utime == 0) return "map_daemon: no status";
+    if (planner_status_.plans == 0) return "planner_daemon: no plan";
+    return "";
+  }
+
+  int id() const { return id_; }
+  const std::map<std::string, ChannelCount, std::less<>>& channels() const { return channels_; }
+  const std::vector<double>& step_ms(std::size_t step) const { return step_ms_[step]; }
+  // Whatever the daemons counted before the start of the world is not the flight's.
+  void mark_start() { plans_before_ = planner_status_.plans, missed_before_ = planner_status_.missed; }
+
+  RobotReport report(double duration_s) const {
+    RobotReport robot;
+    robot.verdict = world_.simulation.judge().robots()[index_];
+    robot.plans = planner_status_.plans - plans_before_;
+    robot.plan_rate_hz = static_cast<double>(robot.plans) / duration_s;
+    robot.missed = planner_status_.missed - missed_before_;
+    for (std::size_t i = 1; i < robot.refused.size(); ++i) {
+      robot.refused[i] = map_status_.refused[i] + planner_status_.refused[i] + broadcast_status_.refused[i];
+    }
+    return robot;
+  }
+  std::int32_t lost() const { return broadcast_status_.lost; }
+
+ private:
+  template <class Status>
+  bool read(std::span<const std::uint8_t> bytes, Status* status) {
+    Status newest{};
+    if (decode(bytes, &newest) != Refusal::kNone || newest.header.robot_id != id_) return false;
+    *status = newest;
+    return true;
+  }
+
+  void note_plan() {
+    if (world_.t_s(planner_status_.header.utime) < 0.0 || planner_status_.plans == plans_seen_) return;
+    plans_seen_ = planner_status_.plans;
+    const sogm_swarm::planner_status_t& s = planner_status_;
+    const double ms[] = {s.compose_ms, s.search_ms, s.corridor_ms, s.optimize_ms, s.check_ms, s.total_ms};
+    for (std::size_t i = 0; i < step_ms_.size(); ++i) step_ms_[i].push_back(ms[i]);
+  }
+
+  World4D& world_;
+  std::size_t index_;
+  int id_;
+  std::int64_t sensor_period_us_;
+  bool hears_swarm_;
+  BusLog* logs_;
+  std::int64_t last_tick_us_ = 0, last_detection_ = -1, next_goal_us_ = 0;
+  sogm_swarm::map_status_t map_status_{};
+  sogm_swarm::planner_status_t planner_status_{};
+  sogm_swarm::broadcast_status_t broadcast_status_{};
+  std::int32_t plans_seen_ = 0, plans_before_ = 0, missed_before_ = 0;
+  std::array<std::vector<double>, kPlanningSteps.size()> step_ms_;
+  std::map<std::string, ChannelCount, std::less<>> channels_;
+};
+
+// A daemon's config file: what its --print-config would print.
+template <class Config>
+void write_config(Config config, const std::string& onboard_url, const std::string* swarm_url, const std::filesystem::path& file) {
+  OptionSet options("", "");
+  declare(options, config);
+  std::ostringstream text;
+  const char* arguments[] = {"", "--print-config"};
+  (void)options.parse(2, arguments, text);
+  text << "onboard-url = " << onboard_url << '\n';
+  if (swarm_url != nullptr) text << "swarm-url = " << *swarm_url << '\n';
+  write_file(file, text.str());
+}
+
+// All robots are on this computer: nothing of them leaves it.
+std::string onboard_url(int port) { return "udpm://239.255.76.67:" + std::to_string(port) + "?ttl=0"; }
+std::string swarm_url(int port) { return "udpm://239.255.76.68:" + std::to_string(port) + "?ttl=0"; }
+
+// Two swarms on the same ports would fly each other's trajectories.
+void refuse_used_bus(const std::string& url) {
+  LcmBus bus(url);
+  bool used = false;
+  for (const char* channel : {channel::kTrajectory, channel::kSetpoint, channel::kRobotState}) {
+    bus.subscribe(channel, [&used](std::string_view, std::span<const std::uint8_t>) { used = true; });
+  }
+  const auto deadline = std::chrono::steady_clock::now() + 150ms;
+  boost::asio::io_context io;
+  while (std::chrono::steady_clock::now() < deadline && !used) {
+    boost::asio::steady_timer(io, 10ms).wait();
+    bus.drain();
+  }
+  if (used) throw std::runtime_error(url + ": another swarm is on this bus; end it or choose another --base-port");
+}
+
+}  // namespace
+
+RunReport run_processes(const World& world, const OccupiedCubes* static_map, const FlightOptions& options,
+                        const ProcessOptions& processes, BusLog* logs, TraceWriter* trace,
+                        const std::function<void(double t_s, const Simulation&)>& progress) {
+  const auto began = std::chrono::steady_clock::now();
+  std::optional<TemporaryDirectory> temporary;
+  if (processes.out.empty()) temporary.emplace();
+  const std::filesystem::path out = processes.out.empty() ? temporary->path() : processes.out;
+  const std::filesystem::path programs =
+      processes.programs.empty() ? std::filesystem::read_symlink("/proc/self/exe").parent_path() : processes.programs;
+  const std::string swarm = swarm_url(processes.base_port);
+  refuse_used_bus(swarm);
+  spdlog::set_level(spdlog::level::warn);
+
+  Simulation simulation(world, static_map, options, trace);
+  RealtimeHost host;
+  const std::int64_t now = wall_utime();
+  World4D clock{simulation, progress, host, now - now % Simulation::kTick_us, std::nullopt};
+  std::vector<std::unique_ptr<RobotEnvironment>> robots;
+  ChildProcesses children;
+  for (std::size_t i = 0; i < world.robots.size(); ++i) {
+    const WorldRobot& robot = world.robots[i];
+    const std::string onboard = onboard_url(processes.base_port + 33 + robot.id);
+    robots.push_back(std::make_unique<RobotEnvironment>(clock, i, robot.id, std::llround(1e6 / options.sensor_rate_hz), i == 0, logs));
+    host.add("robot " + std::to_string(robot.id), *robots.back(), onboard, i == 0 ? swarm : "");
+
+    const auto file = [&](const char* daemon, const char* ending) {
+      return out / ("robot" + std::to_string(robot.id) + "-" + daemon + ending);
+    };
+    write_config(map_config(world, robot, options), onboard, nullptr, file("map", ".cfg"));
+    write_config(planner_config(world, robot, options), onboard, nullptr, file("planner", ".cfg"));
+    write_config(broadcast_config(world, robot, options), onboard, &swarm, file("broadcast", ".cfg"));
+    for (const char* daemon : {"map", "planner", "broadcast"}) {
+      const std::string program = std::string(daemon) + "_daemon";
+      children.start("robot " + std::to_string(robot.id) + "'s " + program, programs / program,
+                     {"--config", file(daemon, ".cfg").string()}, file(daemon, ".log"));
+    }
+  }
+
+  // Ten times a second: are all children alive, and is everybody ready?
+  std::optional<std::string> failure;
+  boost::asio::steady_timer timer(host.io());
+  std::function<void(const boost::system::error_code&)> watch = [&](const boost::system::error_code& error) {
+    if (error) return;
+    failure = children.find_ended();
+    std::string missing;
+    for (const auto& robot : robots) {
+      if (!robot->missing().empty()) missing = "robot " + std::to_string(robot->id()) + "'s " + robot->missing();
+    }
+    if (!clock.start_us && missing.empty()) {
+      clock.start_us = clock.now_us + 2 * Simulation::kTick_us;
+      for (const auto& robot : robots) robot->mark_start();
+    } else if (!clock.start_us && wall_utime() > now + kReadyTimeout_us) {
+      failure = missing + " within " + std::to_string(kReadyTimeout_us / 1'000'000) + " s";
+    }
+    if (failure) {
+      host.stop();
+      return;
+    }
+    timer.expires_after(100ms);
+    timer.async_wait(watch);
+  };
+  watch({});
+  host.run();
+  if (failure) throw std::runtime_error(*failure);
+  if (!simulation.judge().finished()) throw Interrupted();
+
+  RunReport report;
+  report.world = world.name;
+  report.mode = "processes";
+  report.outcome = simulation.judge().outcome();
+  report.touches = simulation.judge().touches();
+  report.duration_s = clock.t_s(clock.now_us);
+  report.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
+  std::array<std::vector<double>, kPlanningSteps.size()> step_ms;
+  for (const auto& robot : robots) {
+    report.robots.push_back(robot->report(report.duration_s));
+    for (const auto& [name, count] : robot->channels()) {
+      report.channels[name].messages += count.messages;
+      report.channels[name].bytes += count.bytes;
+    }
+    report.channels[channel::kTrajectory].lost += robot->lost();
+    for (std::size_t i = 0; i < step_ms.size(); ++i) {
+      step_ms[i].insert(step_ms[i].end(), robot->step_ms(i).begin(), robot->step_ms(i).end());
+    }
+  }
+  for (std::size_t i = 0; i < step_ms.size(); ++i) report.planning[i] = timing_stats(step_ms[i]);
+  return report;
+}
+
+}  // namespace swarm

@@ -1,0 +1,33 @@
+// Multi-process host: real daemons per robot over real multicast, each robot on its own onboard port as on a computer of its
+// own; this process is the world around them (obstacles, sensors, vehicles, judge), in real time.
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <stdexcept>
+
+#include "swarm_sim/occupied_cubes.h"
+#include "swarm_sim/report.h"
+#include "swarm_sim/simulation.h"
+#include "swarm_sim/world.h"
+
+namespace swarm {
+
+struct ProcessOptions {
+  int base_port = 7667;       // swarm bus; robot k's onboard bus is base_port + 33 + k
+  std::filesystem::path out;  // the daemons' config files and output go here; empty: a temporary directory
+  std::filesystem::path programs;  // where the daemons are; empty: beside this program
+};
+
+// SIGINT or SIGTERM ended the run.
+struct Interrupted : std::runtime_error {
+  Interrupted() : std::runtime_error("interrupted") {}
+};
+
+// Flies `world` to its end; all children have ended when this returns or throws. `logs` and `trace` may be null. Throws
+// std::runtime_error when a daemon cannot be started, does not get ready or dies, Interrupted on a signal.
+RunReport run_processes(const World& world, const OccupiedCubes* static_map, const FlightOptions& options,
+                        const ProcessOptions& processes, BusLog* logs, TraceWriter* trace,
+                        const std::function<void(double t_s, const Simulation&)>& progress);
+
+}  // namespace swarm

@@ -1,0 +1,73 @@
+// The world's side of a run, the same in every mode: obstacles move, robots sense them and track their setpoints, the judge
+// watches and the trace is written. Knows neither buses nor clocks: the hosts carry its messages.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "lcmtypes/bus/header_source.h"
+#include "map_daemon/map_node.h"
+#include "planner_daemon/broadcast_node.h"
+#include "planner_daemon/planner_node.h"
+#include "swarm_sim/judge.h"
+#include "swarm_sim/recorder.h"
+#include "swarm_sim/world.h"
+
+namespace swarm {
+
+// What a run flies with, besides the world: the daemons' configurations before identity, limits and space are filled in.
+struct FlightOptions {
+  double time_limit_s = 60.0;
+  double sensor_rate_hz = 20.0;  // of obstacle detections
+  MapConfig map;
+  PlannerNodeConfig planner;
+  BroadcastConfig broadcast;
+};
+
+// The daemons' configurations for one robot of a world.
+MapConfig map_config(const World& world, const WorldRobot& robot, const FlightOptions& options);
+PlannerNodeConfig planner_config(const World& world, const WorldRobot& robot, const FlightOptions& options);
+BroadcastConfig broadcast_config(const World& world, const WorldRobot& robot, const FlightOptions& options);
+
+class Simulation {
+ public:
+  static constexpr std::int64_t kTick_us = 10'000;
+
+  // All arguments must outlive the simulation; `static_map` and `trace` may be null.
+  Simulation(const World& world, const OccupiedCubes* static_map, const FlightOptions& options, TraceWriter* trace);
+
+  std::size_t num_robots() const { return vehicles_.size(); }
+  const Judge& judge() const { return judge_; }
+
+  // A setpoint message of robot `index` (in the world's order); anything else is ignored.
+  void on_setpoint(std::size_t index, std::span<const std::uint8_t> bytes);
+  // Moves the robots to world time `t_s` >= 0 (perfect tracking: the newest setpoint, carried on to `utime`), then judges
+  // and traces. To be called every kTick_us. Before the start of the world only `settle` is called.
+  void tick(double t_s, std::int64_t utime);
+  // Moves the robots without judging: the time before the start.
+  void settle(std::int64_t utime);
+
+  // What robot `index` knows at world time `t_s`: itself, the obstacles within its sensing radius, its goal. Before the start
+  // (t_s < 0) the obstacles stand where they will be at 0.
+  sogm_swarm::robot_state_t state_message(std::size_t index, std::int64_t utime);
+  sogm_swarm::obstacles_t obstacles_message(std::size_t index, double t_s, std::int64_t utime);
+  sogm_swarm::goal_t goal_message(std::size_t index, std::int64_t utime);
+
+ private:
+  struct Vehicle {
+    MotionState state;
+    double yaw_rad = 0.0;
+    sogm_swarm::setpoint_t setpoint{};
+    bool flying = false;  // a setpoint was received
+    HeaderSource state_headers, obstacle_headers, goal_headers;
+  };
+
+  const World& world_;
+  Judge judge_;
+  TraceWriter* trace_;
+  std::vector<Vehicle> vehicles_;
+  std::vector<MotionState> states_;  // of the vehicles, as the judge takes them
+};
+
+}  // namespace swarm

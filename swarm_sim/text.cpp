@@ -1,0 +1,28 @@
+#include "swarm_sim/text.h"
+
+#include <charconv>
+#include <limits>
+
+namespace swarm {
+
+std::string text_of(double value) {
+  char buffer[32];
+  return {buffer, std::to_chars(buffer, buffer + sizeof buffer, value).ptr};
+}
+
+std::string text_of(const Eigen::Ref<const Eigen::VectorXd>& values) {
+  std::string text = "[";
+  for (Eigen::Index i = 0; i < values.size(); ++i) {
+    if (i > 0) text += ',';
+    text += text_of(values[i]);
+  }
+  text += ']';
+  return text;
+}
+
+void append_fixed(double value, int decimals, std::string* text) {
+  char buffer[std::numeric_limits<double>::max_exponent10 + 32];  // any double, at up to 20 decimals
+  text->append(buffer, std::to_chars(buffer, buffer + sizeof buffer, value, std::chars_format::fixed, decimals).ptr);
+}
+
+}  // namespace swarm

@@ -1,0 +1,94 @@
+// A world: where robots start and go, what stands and moves around them, exactly and at any time.
+#pragma once
+
+#include <Eigen/Core>
+#include <filesystem>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "map_daemon/obstacle.h"
+
+namespace swarm {
+
+class OccupiedCubes;
+
+inline constexpr int kMaxRobots = 40;
+inline constexpr int kMaxRobotId = 99;
+
+// What is wrong with a world: one line with key, value and rule; the file as well when it came from one.
+struct WorldError : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
+// An axis-aligned box, W [m].
+struct Space {
+  Eigen::Vector3d min = {-8.0, -8.0, 0.0};
+  Eigen::Vector3d max = {8.0, 8.0, 4.0};
+  bool operator==(const Space&) const = default;
+};
+
+// An axis-aligned rectangle seen from above, W [m].
+struct Rectangle {
+  Eigen::Vector2d min = {-8.0, -8.0};
+  Eigen::Vector2d max = {8.0, 8.0};
+  bool operator==(const Rectangle&) const = default;
+};
+
+// A sphere that shall fly from start to goal, W [m].
+struct WorldRobot {
+  int id = 0;
+  Eigen::Vector3d start = Eigen::Vector3d::Zero();
+  Eigen::Vector3d goal = Eigen::Vector3d::Zero();
+  double radius_m = 0.2;
+  bool operator==(const WorldRobot&) const = default;
+};
+
+struct TrackPoint {
+  double t_s = 0.0;
+  Eigen::Vector2d position = Eigen::Vector2d::Zero();  // of the centre, W [m]
+  bool operator==(const TrackPoint&) const = default;
+};
+
+// Without a track the centre moves uniformly from `center` and each horizontal coordinate reflects at obstacle_bounds.
+// With a track (two points or more, times increasing) it moves linearly from point to point, at the height of `center`,
+// and exists only between the first and the last.
+struct WorldObstacle {
+  Shape shape;                                             // never kVoxels
+  Eigen::Vector3d center = Eigen::Vector3d::Zero();        // at t = 0, or at the first track point, W [m]
+  Eigen::Vector2d velocity_mps = Eigen::Vector2d::Zero();  // at t = 0; zero with a track
+  std::vector<TrackPoint> track;
+  bool operator==(const WorldObstacle& other) const;
+};
+
+struct World {
+  std::string name;
+  Space space;
+  Rectangle obstacle_bounds;
+  double speed_mps = 2.0;          // limit of every robot, per axis
+  double acceleration_mps2 = 6.0;  // limit of every robot, per axis
+  double sensing_radius_m = 5.0;
+  std::filesystem::path static_map;  // OctoMap file, absolute; empty: none
+  std::vector<WorldRobot> robots;
+  std::vector<WorldObstacle> obstacles;
+  bool operator==(const World&) const = default;
+};
+
+struct ObstacleState {
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();  // of the shape's centre, W [m]
+  Eigen::Vector3d velocity = Eigen::Vector3d::Zero();  // W [m/s]; after the turn where it just turns
+};
+
+// Where `obstacle` is, in closed form; nothing while it does not exist. Any finite t, also before 0.
+std::optional<ObstacleState> state_at(const WorldObstacle& obstacle, const World& world, double t_s);
+
+// Checks what concerns several values at once: 1..40 robots with unique ids in [0, 99], starts and goals inside space
+// (the border included) and apart from each other, starts clear of the obstacles at t = 0, moving obstacles inside
+// their bounds, track times increasing. Throws WorldError.
+void check_world(const World& world);
+
+// Throws WorldError where a robot's start touches the static map.
+void check_starts(const World& world, const OccupiedCubes& static_map);
+
+}  // namespace swarm

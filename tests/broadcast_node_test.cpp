@@ -1,0 +1,763 @@
+// The commit protocol: what one node does at each turn of it, and that no network makes two committed motions meet.
+#include "planner_daemon/broadcast_node.h"
+
+#include <cmath>
+#include <map>
+#include <numbers>
+#include <queue>
+#include <random>
+
+#include "lcmtypes/bus/channels.h"
+#include "tests/harness.h"
+
+namespace swarm::test {
+namespace {
+
+using sogm_swarm::ack_t;
+using sogm_swarm::announcement_t;
+using sogm_swarm::broadcast_status_t;
+using sogm_swarm::candidate_t;
+using sogm_swarm::robot_state_t;
+using sogm_swarm::setpoint_t;
+using sogm_swarm::trajectory_t;
+
+constexpr std::int32_t kBoot = 77;
+
+bool same(const trajectory_t& a, const trajectory_t& b) {
+  return a.seq == b.seq && a.start_utime == b.start_utime && a.piece_us == b.piece_us && a.num_pieces == b.num_pieces &&
+         std::equal(&a.knots[0][0], &a.knots[0][0] + 11 * 9, &b.knots[0][0]);
+}
+
+robot_state_t state_at(int id, const Eigen::Vector3d& position, std::int64_t seq, std::int64_t utime) {
+  robot_state_t state{};
+  state.header = make_header(id, 1, seq, utime);
+  Eigen::Map<Eigen::Vector3d>(state.position) = position;
+  return state;
+}
+
+// A peer as its announcements show it.
+struct Peer {
+  int id;
+  Trajectory committed;
+  Trajectory pending = {};
+  std::int8_t pending_state = announcement_t::kNone;
+  std::int64_t stamp = 0;
+  std::vector<ack_t> acks = {};
+  std::int32_t boot = 9;
+  std::int64_t seq = 0;
+
+  announcement_t message(std::int64_t utime) {
+    announcement_t message{};
+    message.header = make_header(id, boot, seq++, utime);
+    message.radius = 0.2f;
+    message.committed = committed.to_wire();
+    message.pending = pending.to_wire();
+    message.pending_state = pending_state;
+    message.pending_stamp = stamp;
+    message.acks = acks;
+    message.num_acks = static_cast<std::int16_t>(acks.size());
+    return message;
+  }
+  void pends(const Trajectory& trajectory, std::int64_t its_stamp, std::int8_t state = announcement_t::kAnnounced) {
+    pending = trajectory;
+    pending.set_seq(pending.seq() + 100);
+    pending_state = state;
+    stamp = its_stamp;
+  }
+  void pends_nothing() { pending = {}, pending_state = announcement_t::kNone, stamp = 0; }
+};
+
+// Robot `id` at (0, 0, 1), which has heard robots 0, 1 and 2 hover 10 m apart, itself excepted.
+class Robot : public Bench<BroadcastNode> {
+ public:
+  explicit Robot(int id, bool started = true) : Bench(make_config(id), kBoot), id_(id) {
+    for (int other = 0; other < 3; ++other) {
+      if (other != id) peers.emplace(other, Peer{other, Trajectory::hover(1, kStart_us, {10.0 + 10 * other, 0, 1})});
+    }
+    if (!started) return;
+    send_state();
+    for (auto& [other, peer] : peers) hear(other);
+  }
+  static BroadcastConfig make_config(int id) {
+    BroadcastConfig config;
+    config.robot_id = id;
+    config.roster = {0, 1, 2};
+    return config;
+  }
+
+  void send_state() { send(channel::kRobotState, state_at(id_, {0, 0, 1}, next_state_++, now_us)); }
+  void hear(int other) { send(channel::kTrajectory, peers.at(other).message(now_us), BusId::kSwarm); }
+  // `other` judges our pending trajectory `seq`.
+  void hear_verdict(int other, std::int32_t seq, std::int8_t verdict, std::int32_t boot = kBoot) {
+    ack_t ack{};
+    ack.peer_id = static_cast<std::int16_t>(id_);
+    ack.peer_boot = boot;
+    ack.judged_seq = seq;
+    ack.verdict = verdict;
+    peers.at(other).acks = {ack};
+    hear(other);
+  }
+  // From the motion in force after `lead_s` to rest at `to`.
+  Trajectory plan(const Eigen::Vector3d& to, double lead_s = 0.1, double seconds = 2.0) const {
+    const std::int64_t start = now_us + std::llround(lead_s * 1e6);
+    return quintic_to(node.motion()->at(start), start, to, seconds);
+  }
+  void propose(const Trajectory& trajectory) {
+    candidate_t candidate{};
+    candidate.header = make_header(id_, 1, next_candidate_++, std::min(now_us, trajectory.start_utime()));
+    candidate.trajectory = trajectory.to_wire();
+    send(channel::kCandidate, candidate);
+  }
+  announcement_t announced() const { return out.newest<announcement_t>(channel::kTrajectory, BusId::kSwarm); }
+  // Our verdict about robot `other`.
+  ack_t verdict_on(int other) const {
+    for (const ack_t& ack : announced().acks) {
+      if (ack.peer_id == other) return ack;
+    }
+    return {};
+  }
+
+  std::map<int, Peer> peers;
+
+ private:
+  int id_;
+  std::int64_t next_state_ = 0, next_candidate_ = 0;
+};
+
+TEST(BroadcastNode, HoversFromTheFirstStateOn) {
+  Robot robot(1, false);
+  robot.run_for(1.5);
+  EXPECT_EQ(robot.out.letters.size(), 2u);  // two statuses, nothing else
+  EXPECT_EQ(robot.out.newest<broadcast_status_t>(channel::kBroadcastStatus).state, broadcast_status_t::kNoState);
+  auto state = state_at(1, {3, -2, 1.5}, 0, robot.now_us);
+  state.yaw = 0.5;
+  robot.send(channel::kRobotState, state);
+  const announcement_t message = robot.announced();
+  EXPECT_EQ(message.header.utime, robot.now_us);
+  EXPECT_EQ(message.radius, 0.2f);
+  EXPECT_TRUE(same(message.committed, Trajectory::hover(1, robot.now_us, {3, -2, 1.5}).to_wire()));
+  EXPECT_EQ(message.pending_state, announcement_t::kNone);
+  EXPECT_TRUE(message.acks.empty());
+  robot.run_for(1.0);
+  robot.send_state();  // somewhere else: what is committed stays
+  robot.run_for(0.1);
+  for (const setpoint_t& setpoint : robot.out.all<setpoint_t>(channel::kSetpoint)) {
+    EXPECT_LT((Eigen::Vector3d(setpoint.position) - Eigen::Vector3d(3, -2, 1.5)).norm(), 1e-9);
+    EXPECT_LT(Eigen::Vector3d(setpoint.velocity).norm(), 1e-9);
+    EXPECT_EQ(setpoint.yaw, 0.5);
+  }
+}
+
+TEST(BroadcastNode, AnnouncesItsWholeStateSteadilyOnBothBuses) {
+  Robot robot(1);
+  robot.out.letters.clear();
+  robot.run_for(1.0);
+  const auto swarm = robot.out.all<announcement_t>(channel::kTrajectory, BusId::kSwarm);
+  const auto own = robot.out.all<announcement_t>(channel::kOwnTrajectory);
+  ASSERT_EQ(swarm.size(), 20u);
+  ASSERT_EQ(own.size(), 20u);
+  for (std::size_t i = 0; i < 20; ++i) {
+    EXPECT_EQ(encoded(swarm[i]), encoded(own[i]));
+    EXPECT_EQ(swarm[i].acks.size(), 2u);
+    const auto steps = static_cast<std::int64_t>(i);
+    EXPECT_EQ(swarm[i].header.utime, swarm[0].header.utime + 50'000 * steps);
+    EXPECT_EQ(swarm[i].header.seq, swarm[0].header.seq + steps);
+  }
+}
+
+TEST(BroadcastNode, SetpointsAreTheCommittedMotionAt100Hz) {
+  Robot robot(0);
+  const Trajectory flight = robot.plan({1.0, 1.0, 1.5}, 0.123);
+  robot.propose(flight);
+  const trajectory_t announced = robot.announced().pending;
+  trajectory_t expected = flight.to_wire();
+  expected.seq = announced.seq;
+  EXPECT_TRUE(same(announced, expected));  // what is announced is what was planned, but for its number
+  robot.out.letters.clear();
+  robot.run_for(3.0);
+  const Motion flown{Trajectory::hover(1, kStart_us, {0, 0, 1}), Trajectory::from_wire(announced)};
+  const auto setpoints = robot.out.all<setpoint_t>(channel::kSetpoint);
+  ASSERT_EQ(setpoints.size(), 300u);
+  double yaw = 0.0;
+  for (const setpoint_t& setpoint : setpoints) {
+    EXPECT_EQ(setpoint.header.utime % 10'000, 0);
+    const MotionState state = flown.at(setpoint.header.utime);
+    EXPECT_EQ(Eigen::Vector3d(setpoint.position), state.position);
+    EXPECT_EQ(Eigen::Vector3d(setpoint.velocity), state.velocity);
+    EXPECT_EQ(Eigen::Vector3d(setpoint.acceleration), state.acceleration);
+    EXPECT_EQ(Eigen::Vector3d(setpoint.jerk), state.jerk);
+    EXPECT_LE(std::abs(setpoint.yaw_rate), 1.5 + 1e-9);
+    EXPECT_NEAR(setpoint.yaw, yaw + 0.01 * setpoint.yaw_rate, 1e-9);
+    yaw = setpoint.yaw;
+  }
+  EXPECT_NEAR(yaw, std::numbers::pi / 4, 1e-6);  // it has turned into its direction of flight
+  EXPECT_LT((Eigen::Vector3d(setpoints.back().position) - Eigen::Vector3d(1, 1, 1.5)).norm(), 1e-6);
+}
+
+TEST(BroadcastNode, RejectsCandidatesByReason) {
+  const auto expect_rejected = [](Robot& robot, Rejection reason, const Trajectory& trajectory) {
+    const std::int32_t before = robot.node.rejected(reason);
+    const Motion motion = *robot.node.motion();
+    const int accepted = robot.node.rejected(Rejection::kNone);
+    robot.propose(trajectory);
+    EXPECT_EQ(robot.node.rejected(reason), before + 1) << to_string(reason);
+    EXPECT_EQ(robot.node.rejected(Rejection::kNone), accepted) << to_string(reason);
+    EXPECT_EQ(robot.node.refused().total(), 0);
+    EXPECT_TRUE(same(robot.node.motion()->committed.to_wire(), motion.committed.to_wire()));
+    EXPECT_EQ(robot.node.motion()->next.seq(), motion.next.seq());
+    EXPECT_EQ(robot.announced().pending.seq, motion.next.seq());
+  };
+  Robot fresh(0, false);
+  MotionState rest;
+  rest.position = {0, 0, 1};
+  fresh.propose(quintic_to(rest, fresh.now_us + 100'000, {1, 0, 1}, 2));
+  EXPECT_EQ(fresh.node.rejected(Rejection::kNoCommitted), 1);
+  fresh.send_state();
+  fresh.hear(1);
+  expect_rejected(fresh, Rejection::kWaiting, fresh.plan({1, 0, 1}));
+  fresh.hear(2);
+  fresh.propose(fresh.plan({1, 0, 1}));
+  EXPECT_EQ(fresh.node.rejected(Rejection::kNone), 1);
+  expect_rejected(fresh, Rejection::kBusy, fresh.plan({1, 0, 1}));
+
+  Robot robot(0);
+  expect_rejected(robot, Rejection::kTime, robot.plan({1, 0, 1}, 0.0));
+  expect_rejected(robot, Rejection::kTime, robot.plan({1, 0, 1}, -0.01));
+  expect_rejected(robot, Rejection::kTime, robot.plan({1, 0, 1}, 2.000001));
+  const Trajectory good = robot.plan({1, 0, 1});
+  const auto with_first_knot = [&](const Eigen::Vector3d& dp, const Eigen::Vector3d& dv, const Eigen::Vector3d& da) {
+    MotionState first = good.knot(0);
+    first.position += dp, first.velocity += dv, first.acceleration += da;
+    Trajectory bad = good;
+    bad.set_knot(0, first);
+    return bad;
+  };
+  const Eigen::Vector3d none(0, 0, 0);
+  expect_rejected(robot, Rejection::kDiscontinuous, with_first_knot({0, 1.2e-4, 0}, none, none));
+  expect_rejected(robot, Rejection::kDiscontinuous, with_first_knot(none, {0, 0, 1.2e-3}, none));
+  expect_rejected(robot, Rejection::kDiscontinuous, with_first_knot(none, none, {1.2e-2, 0, 0}));
+  expect_rejected(robot, Rejection::kLimits, robot.plan({0, 4, 1}, 0.1, 3.0));     // 2.5 m/s, 2.6 m/s^2
+  expect_rejected(robot, Rejection::kLimits, robot.plan({0, 0, 1.7}, 0.1, 0.75));  // 1.75 m/s, 7.2 m/s^2
+  expect_rejected(robot, Rejection::kConflict, robot.plan({19.7, 0, 1}, 0.1, 20.0));
+  robot.propose(good);
+  EXPECT_EQ(robot.node.rejected(Rejection::kNone), 1);
+
+  // What a peer will fly and what it was promised count as much as what it flies.
+  for (const std::int8_t state : {announcement_t::kCommitted, announcement_t::kAnnounced}) {
+    Robot other(0);
+    Peer& peer = other.peers.at(1);
+    peer.pends(quintic_to(peer.committed.at(0), other.now_us + 100'000, {1.3, 0, 1}, 20), other.now_us, state);
+    other.hear(1);
+    expect_rejected(other, Rejection::kConflict, other.plan({1, 0, 1}));
+    EXPECT_EQ(other.node.rejected(Rejection::kConflict), 1);
+    other.propose(other.plan({0.8, 0, 1}));
+    EXPECT_EQ(other.node.rejected(Rejection::kNone), 1);
+  }
+}
+
+TEST(BroadcastNode, HolderCommitsAtOnce) {
+  Robot robot(0);
+  robot.out.letters.clear();
+  robot.propose(robot.plan({1, 0, 1}));
+  EXPECT_EQ(robot.node.commits(), 1);
+  const auto messages = robot.out.all<announcement_t>(channel::kTrajectory, BusId::kSwarm);
+  ASSERT_EQ(messages.size(), 1u);
+  EXPECT_EQ(messages[0].pending_state, announcement_t::kCommitted);
+  EXPECT_EQ(messages[0].pending.seq, 2);
+  EXPECT_EQ(messages[0].header.utime, robot.now_us);
+}
+
+TEST(BroadcastNode, AskerCommitsOnTheHoldersAckOnly) {
+  Robot robot(1);
+  robot.propose(robot.plan({1, 0, 1}, 0.5));
+  announcement_t message = robot.announced();
+  EXPECT_EQ(message.pending_state, announcement_t::kAnnounced);
+  EXPECT_EQ(message.pending_stamp, robot.now_us);
+  const std::int32_t seq = message.pending.seq;
+  robot.run_for(0.1);
+  robot.hear(0);                                       // no verdict
+  robot.hear_verdict(2, seq, ack_t::kAck);             // not the holder
+  robot.hear_verdict(0, seq - 1, ack_t::kAck);         // of something older
+  robot.hear_verdict(0, seq, ack_t::kAck, kBoot - 1);  // of what an earlier start announced
+  EXPECT_EQ(robot.node.commits(), 0);
+  EXPECT_TRUE(robot.node.motion()->next.empty());
+  robot.hear_verdict(0, seq, ack_t::kAck);
+  EXPECT_EQ(robot.node.commits(), 1);
+  message = robot.announced();
+  EXPECT_EQ(message.pending_state, announcement_t::kCommitted);
+  EXPECT_EQ(message.pending.seq, seq);
+  EXPECT_EQ(message.header.utime, robot.now_us);
+}
+
+TEST(BroadcastNode, AcksAreVoidWhenTheHolderRestarts) {
+  Robot robot(1);
+  robot.hear_verdict(0, 2, ack_t::kAck);  // ahead of time: the peer forgets it with its restart
+  Peer& holder = robot.peers.at(0);
+  holder.acks.clear();
+  ++holder.boot;
+  robot.hear(0);
+  robot.propose(robot.plan({1, 0, 1}));
+  EXPECT_EQ(robot.announced().pending.seq, 2);
+  EXPECT_EQ(robot.node.commits(), 0);
+}
+
+TEST(BroadcastNode, HoldersNackWithdrawsAndAskersNackDoesNot) {
+  Robot robot(1);
+  robot.propose(robot.plan({1, 0, 1}, 0.5));
+  robot.hear_verdict(2, 2, ack_t::kNack);
+  EXPECT_EQ(robot.node.withdrawn(), 0);
+  EXPECT_EQ(robot.announced().pending.seq, 2);
+  robot.hear_verdict(0, 2, ack_t::kNack);
+  EXPECT_EQ(robot.node.withdrawn(), 1);
+  EXPECT_EQ(robot.announced().pending_state, announcement_t::kNone);
+  robot.hear_verdict(0, 2, ack_t::kAck);  // too late: a number is never used again
+  robot.propose(robot.plan({1, 0, 1}, 0.5));
+  EXPECT_EQ(robot.announced().pending.seq, 3);
+  EXPECT_EQ(robot.node.commits(), 0);
+}
+
+TEST(BroadcastNode, WithdrawsAtTheBranchTime) {
+  Robot robot(1);
+  const Trajectory flight = robot.plan({1, 0, 1}, 0.123456);
+  robot.propose(flight);
+  robot.run_until(flight.start_utime() - 1);
+  EXPECT_EQ(robot.announced().pending_state, announcement_t::kAnnounced);
+  robot.run_until(flight.start_utime());
+  EXPECT_EQ(robot.node.withdrawn(), 1);
+  EXPECT_EQ(robot.announced().pending_state, announcement_t::kNone);
+  EXPECT_EQ(robot.announced().header.utime, flight.start_utime());
+  robot.hear_verdict(0, 2, ack_t::kAck);
+  EXPECT_EQ(robot.node.commits(), 0);
+  EXPECT_EQ(robot.node.motion()->committed.seq(), 1);
+}
+
+TEST(BroadcastNode, ANewerPlanReplacesTheOneThatWaits) {
+  Robot robot(1);
+  robot.propose(robot.plan({1, 0, 1}, 0.5));
+  robot.propose(robot.plan({0, 1, 1}, 0.5));
+  EXPECT_EQ(robot.node.withdrawn(), 1);
+  robot.hear_verdict(0, 2, ack_t::kAck);
+  EXPECT_EQ(robot.node.commits(), 0);
+  robot.hear_verdict(0, 3, ack_t::kAck);
+  EXPECT_EQ(robot.node.commits(), 1);
+  EXPECT_EQ(robot.node.motion()->end_utime(), robot.now_us + 2'500'000);
+}
+
+TEST(BroadcastNode, JudgesAtOnceAndForGood) {
+  Robot robot(0);
+  Peer& peer = robot.peers.at(1);
+  const MotionState from = peer.committed.at(0);
+  const auto judged = [&](const Eigen::Vector3d& to, std::int64_t start) {
+    const std::int32_t seq = peer.pending.seq() + 1;
+    peer.pends(quintic_to(from, start, to, 20, 5, seq - 100), robot.now_us);
+    const int before = robot.out.count(channel::kTrajectory, BusId::kSwarm);
+    robot.hear(1);
+    EXPECT_EQ(robot.out.count(channel::kTrajectory, BusId::kSwarm), before + 1);
+    EXPECT_EQ(robot.verdict_on(1).judged_seq, seq);
+    EXPECT_EQ(robot.verdict_on(1).peer_boot, peer.boot);
+    return robot.verdict_on(1).verdict;
+  };
+  const std::int64_t soon = robot.now_us + 100'000;
+  EXPECT_EQ(judged({20, 5, 1}, robot.now_us), ack_t::kNack);  // has begun already
+  EXPECT_EQ(judged({0.41, 0, 1}, soon), ack_t::kNack);        // radii and 2 cm
+  EXPECT_EQ(judged({-1.0, 0, 1}, soon), ack_t::kNack);        // ends clear, but passes through
+  EXPECT_EQ(judged({0.43, 0, 1}, soon), ack_t::kAck);
+  robot.run_for(0.2);  // late by now, but it has its ack
+  robot.hear(1);
+  EXPECT_EQ(robot.verdict_on(1).verdict, ack_t::kAck);
+  EXPECT_EQ(robot.verdict_on(2).judged_seq, 0);
+  EXPECT_EQ(robot.verdict_on(2).verdict, ack_t::kNone);
+}
+
+TEST(BroadcastNode, TheOlderOfTwoPendingTrajectoriesWins) {
+  struct Case {
+    std::int64_t stamp_difference;  // theirs minus ours
+    int rival;
+    bool we_win;
+  };
+  for (const Case& c : {Case{-1, 2, false}, {1, 2, true}, {0, 2, true}, {0, 0, false}, {1, 0, true}}) {
+    SCOPED_TRACE(testing::Message() << c.stamp_difference << " us, robot " << c.rival);
+    Robot robot(1);
+    robot.propose(robot.plan({1, 0, 1}, 0.5));
+    Peer& rival = robot.peers.at(c.rival);
+    const std::int64_t stamp = robot.now_us + c.stamp_difference;
+    rival.pends(quintic_to(rival.committed.at(0), robot.now_us + 400'000, {1.2, 0, 1}, 40), stamp);
+    robot.hear(c.rival);
+    EXPECT_EQ(robot.verdict_on(c.rival).verdict, c.we_win ? ack_t::kNack : ack_t::kAck);
+    EXPECT_EQ(robot.node.withdrawn(), c.we_win ? 0 : 1);
+    EXPECT_EQ(robot.announced().pending.seq, c.we_win ? 2 : 0);
+  }
+  Robot robot(1);  // without conflict both go on
+  robot.propose(robot.plan({1, 0, 1}, 0.5));
+  Peer& other = robot.peers.at(2);
+  other.pends(quintic_to(other.committed.at(0), robot.now_us + 400'000, {5, 0, 1}, 40), robot.now_us - 1);
+  robot.hear(2);
+  EXPECT_EQ(robot.verdict_on(2).verdict, ack_t::kAck);
+  EXPECT_EQ(robot.announced().pending.seq, 2);
+}
+
+TEST(BroadcastNode, APromiseBindsUntilItIsNoLongerShown) {
+  Robot robot(0);
+  Peer& peer = robot.peers.at(1);
+  peer.pends(quintic_to(peer.committed.at(0), robot.now_us + 200'000, {1.2, 0, 1}, 20), robot.now_us);
+  robot.hear(1);
+  ASSERT_EQ(robot.verdict_on(1).verdict, ack_t::kAck);
+  robot.run_for(3.0);  // time does not free it
+  robot.propose(robot.plan({1, 0, 1}));
+  EXPECT_EQ(robot.node.commits(), 0);
+  EXPECT_EQ(robot.node.rejected(Rejection::kConflict), 1);
+  peer.pends_nothing();
+  robot.hear(1);
+  robot.propose(robot.plan({1, 0, 1}));
+  EXPECT_EQ(robot.node.commits(), 1);
+}
+
+TEST(BroadcastNode, HolderDoesNotCommitAgainstWhatAnAskerCommittedMeanwhile) {
+  Robot robot(1);  // asks 0, holds against 2
+  robot.propose(robot.plan({1, 0, 1}, 0.5));
+  Peer& asker = robot.peers.at(2);
+  const Trajectory flight = quintic_to(asker.committed.at(0), robot.now_us + 100'000, {1.2, 0, 1}, 20);
+  asker.pends(flight, robot.now_us - 1, announcement_t::kCommitted);
+  robot.hear(2);
+  robot.hear_verdict(0, 2, ack_t::kAck);
+  EXPECT_EQ(robot.node.commits(), 0);
+  robot.run_for(0.6);
+  EXPECT_EQ(robot.node.withdrawn(), 1);
+}
+
+TEST(BroadcastNode, SwitchesExactlyAtTheStart) {
+  Robot robot(0);
+  const Trajectory flight = robot.plan({1, 0, 1}, 0.123457);
+  robot.propose(flight);
+  robot.run_until(flight.start_utime() - 1);
+  EXPECT_EQ(robot.node.motion()->committed.seq(), 1);
+  EXPECT_EQ(robot.node.motion()->next.seq(), 2);
+  robot.run_until(flight.start_utime());
+  EXPECT_EQ(robot.node.motion()->committed.seq(), 2);
+  EXPECT_TRUE(robot.node.motion()->next.empty());
+  const announcement_t message = robot.announced();
+  EXPECT_EQ(message.header.utime, flight.start_utime());
+  EXPECT_EQ(message.committed.seq, 2);
+  EXPECT_EQ(message.pending_state, announcement_t::kNone);
+  robot.run_for(0.5);  // and the next one may leave it in mid-flight
+  robot.propose(robot.plan({0, 1, 1}));
+  EXPECT_EQ(robot.node.commits(), 2);
+}
+
+TEST(BroadcastNode, RelaysPeersByteForByteAndNotItself) {
+  Robot robot(1);
+  robot.peers.at(0).pends(quintic_to(robot.peers.at(0).committed.at(0), robot.now_us + 100'000, {10, 3, 1}, 5), 1);
+  const Bytes bytes = encoded(robot.peers.at(0).message(robot.now_us));
+  robot.out.letters.clear();
+  robot.deliver(BusId::kSwarm, channel::kTrajectory, bytes);
+  ASSERT_EQ(robot.out.count(channel::kPeerTrajectory), 1);
+  const auto relayed = std::find_if(robot.out.letters.begin(), robot.out.letters.end(),
+                                    [](const auto& letter) { return letter.channel == channel::kPeerTrajectory; });
+  EXPECT_EQ(relayed->bus, BusId::kOnboard);
+  EXPECT_EQ(relayed->bytes, bytes);
+  robot.deliver(BusId::kSwarm, channel::kTrajectory, encoded(robot.announced()));
+  EXPECT_EQ(robot.out.count(channel::kPeerTrajectory), 1);
+  EXPECT_EQ(robot.node.refused().total(), 0);
+}
+
+TEST(BroadcastNode, RefusalsAreCountedAndChangeNothing) {
+  Robot robot(1);
+  robot.run_for(0.1);
+  const Bytes before = encoded(robot.announced());
+  robot.out.letters.clear();
+  std::array<int, kNumRefusals> expected{};
+  const auto expect_refused = [&](Refusal reason, BusId bus, const char* channel, const Bytes& bytes) {
+    robot.deliver(bus, channel, bytes);
+    ++expected[static_cast<std::size_t>(reason)];
+    for (int i = 0; i < kNumRefusals; ++i) {
+      ASSERT_EQ(robot.node.refused()[static_cast<Refusal>(i)], expected[static_cast<std::size_t>(i)])
+          << channel << ", " << to_string(reason) << " expected, " << to_string(static_cast<Refusal>(i)) << " counted";
+    }
+    EXPECT_TRUE(robot.out.letters.empty()) << channel << ", " << to_string(reason);
+  };
+  candidate_t candidate{};
+  candidate.header = make_header(1, 1, 7, robot.now_us);
+  candidate.trajectory = robot.plan({1, 0, 1}).to_wire();
+  const auto refuse_each = [&](BusId bus, const char* channel, const auto& message) {
+    const auto changed = [&](const auto& change) {
+      auto copy = message;
+      change(copy);
+      return encoded(copy);
+    };
+    Bytes damaged = encoded(message), longer = encoded(message);
+    damaged[damaged.size() / 2] ^= 1;
+    longer.push_back(0);
+    expect_refused(Refusal::kSize, bus, channel, {});
+    expect_refused(Refusal::kSize, bus, channel, longer);
+    expect_refused(Refusal::kFingerprint, bus, channel, Bytes(longer.size(), 0x5a));
+    expect_refused(Refusal::kCrc, bus, channel, damaged);
+    expect_refused(Refusal::kVersion, bus, channel, changed([](auto& m) { ++m.header.schema_version; }));
+    expect_refused(Refusal::kRobot, bus, channel, changed([](auto& m) { m.header.robot_id = 5; }));
+    expect_refused(Refusal::kTime, bus, channel, changed([](auto& m) { m.header.utime -= 1'000'001; }));
+    expect_refused(Refusal::kTime, bus, channel, changed([](auto& m) { m.header.utime += 100'001; }));
+  };
+  candidate.trajectory.start_utime += 200'000;  // after every header.utime used here
+  refuse_each(BusId::kOnboard, channel::kCandidate, candidate);
+  refuse_each(BusId::kOnboard, channel::kRobotState, state_at(1, {5, 5, 5}, 9, robot.now_us));
+  announcement_t heard = robot.peers.at(2).message(robot.now_us);
+  heard.pending = Trajectory::hover(50, robot.now_us + 100'000, {0, 0, 1}).to_wire();
+  heard.pending_state = announcement_t::kAnnounced;
+  refuse_each(BusId::kSwarm, channel::kTrajectory, heard);
+  heard.header.seq = 0;  // as the one heard already
+  expect_refused(Refusal::kSequence, BusId::kSwarm, channel::kTrajectory, encoded(heard));
+  expect_refused(Refusal::kSequence, BusId::kOnboard, channel::kRobotState,
+                 encoded(state_at(1, {5, 5, 5}, 0, robot.now_us)));
+  candidate.trajectory.knots[0][0] = NAN;
+  expect_refused(Refusal::kValue, BusId::kOnboard, channel::kCandidate, encoded(candidate));
+  EXPECT_EQ(robot.node.rejected(Rejection::kNone), 0);
+  robot.run_for(0.05);  // the same state as before is announced
+  announcement_t after = robot.announced();
+  announcement_t unchanged;
+  ASSERT_EQ(decode(before, &unchanged), Refusal::kNone);
+  after.header = unchanged.header;
+  EXPECT_EQ(encoded(after), encoded(unchanged));
+  robot.run_for(1.0);
+  const auto status = robot.out.newest<broadcast_status_t>(channel::kBroadcastStatus);
+  EXPECT_TRUE(std::equal(expected.begin(), expected.end(), status.refused));
+}
+
+TEST(BroadcastNode, StatusTellsWhatHappened) {
+  Robot robot(1, false);
+  robot.send_state();
+  robot.hear(0);
+  robot.run_for(1.0);
+  EXPECT_EQ(robot.out.newest<broadcast_status_t>(channel::kBroadcastStatus).state, broadcast_status_t::kWaiting);
+  robot.hear(2);
+  robot.peers.at(0).seq += 3;  // three lost
+  robot.hear(0);
+  robot.propose(robot.plan({1, 0, 1}));
+  robot.hear_verdict(0, 2, ack_t::kAck);
+  robot.propose(robot.plan({1, 0, 1}));  // busy
+  robot.run_for(0.3);
+  robot.propose(robot.plan({0, 1, 1}));  // nobody answers
+  robot.run_for(0.7);
+  const auto status = robot.out.newest<broadcast_status_t>(channel::kBroadcastStatus);
+  EXPECT_EQ(status.state, broadcast_status_t::kFlying);
+  EXPECT_EQ(status.candidates, 3);
+  EXPECT_EQ(status.commits, 1);
+  EXPECT_EQ(status.withdrawn, 1);
+  EXPECT_EQ(status.rejected[static_cast<int>(Rejection::kBusy)], 1);
+  EXPECT_EQ(status.rejected[static_cast<int>(Rejection::kNone)], 2);
+  EXPECT_EQ(status.lost, 3);
+  EXPECT_EQ(status.peers_heard, 2);
+  EXPECT_NEAR(status.max_age_ms, 1000, 1);
+  robot.run_for(1.0);
+  EXPECT_EQ(robot.out.newest<broadcast_status_t>(channel::kBroadcastStatus).peers_heard, 0);
+}
+
+// --- Safety, whatever the network does ---
+
+// Robots with random planners that like to fly at each other, over a network that delays, loses, doubles and reorders.
+class RandomSwarm {
+ public:
+  RandomSwarm(std::uint64_t seed, int robots) : random_(seed) {
+    static constexpr std::int64_t kDelays_us[] = {1'000, 20'000, 100'000, 300'000};
+    max_delay_us_ = kDelays_us[random_() % 4];
+    max_loss_ = uniform(0.0, 0.8);
+    std::vector<int> roster;
+    for (int i = 0; i < robots; ++i) roster.push_back(i);
+    for (int i = 0; i < robots; ++i) {
+      BroadcastConfig config;
+      config.robot_id = i;
+      config.roster = roster;
+      config.radius_m = uniform(0.1, 0.3);
+      config.v_max = 100;
+      config.a_max = 1000;
+      robots_.push_back(std::make_unique<Member>(*this, i, config));
+      links_.emplace_back();
+      for (int j = 0; j < robots; ++j) {
+        const bool dies = uniform(0, 1) < 0.1;
+        links_.back().push_back({uniform(0, max_loss_), dies ? kStart_us + 10'000'000 : INT64_MAX});
+      }
+    }
+  }
+
+  void run(double seconds) {
+    for (auto& robot : robots_) {
+      const Eigen::Vector3d place(robot->id % 2 - 0.5, robot->id / 2 - 0.5, 1.0);
+      now_us_ = kStart_us;
+      robot->deliver(BusId::kOnboard, channel::kRobotState, encoded(state_at(robot->id, place, 0, now_us_)));
+    }
+    const std::int64_t end = kStart_us + std::llround(seconds * 1e6);
+    for (std::int64_t tick = kStart_us + 10'000; tick <= end && !testing::Test::HasFailure(); tick += 10'000) {
+      run_until(tick);
+      judge_flight();
+      for (auto& robot : robots_) maybe_plan(*robot);
+    }
+  }
+
+  int commits() const {
+    return sum([](const BroadcastNode& node) { return node.commits(); });
+  }
+  int withdrawn() const {
+    return sum([](const BroadcastNode& node) { return node.withdrawn(); });
+  }
+  int conflicts() const {
+    return sum([](const BroadcastNode& node) { return node.rejected(Rejection::kConflict); });
+  }
+  std::string describe() const {
+    std::ostringstream text;
+    text << robots_.size() << " robots, delay up to " << max_delay_us_ << " us, loss up to " << max_loss_ << ", "
+         << 1e-6 * static_cast<double>(now_us_ - kStart_us) << " s after the start";
+    return text.str();
+  }
+
+ private:
+  struct Member : Outbox {
+    Member(RandomSwarm& swarm_in, int id_in, const BroadcastConfig& config)
+        : swarm(swarm_in), id(id_in), radius_m(config.radius_m), node(config, kBoot) {}
+
+    void publish_bytes(BusId bus, std::string_view channel, std::span<const std::uint8_t> bytes) override {
+      if (bus == BusId::kSwarm) swarm.broadcast(id, {bytes.begin(), bytes.end()});
+      if (channel != channel::kSetpoint) return;
+      ASSERT_EQ(decode(bytes, &setpoint), Refusal::kNone);
+    }
+    void deliver(BusId bus, const char* channel, const Bytes& bytes) {
+      node.on_message(swarm.now_us_, bus, channel, bytes, *this);
+      step();
+    }
+    void step() {
+      wake_us = node.step(swarm.now_us_, *this);
+      if (node.commits() == commits_judged) return;
+      commits_judged = node.commits();
+      swarm.judge_commit(*this);
+    }
+
+    RandomSwarm& swarm;
+    int id;
+    double radius_m;
+    BroadcastNode node;
+    setpoint_t setpoint{};
+    std::int64_t wake_us = kStart_us, candidate_seq = 0, branch_us = 0;
+    int commits_judged = 0;
+  };
+  struct Link {
+    double loss;
+    std::int64_t dies_us;
+  };
+  struct Packet {
+    std::int64_t time_us, number;
+    int to;
+    Bytes bytes;
+    bool operator>(const Packet& other) const {
+      return std::pair(time_us, number) > std::pair(other.time_us, other.number);
+    }
+  };
+
+  double uniform(double low, double high) { return std::uniform_real_distribution<>(low, high)(random_); }
+  int sum(const std::function<int(const BroadcastNode&)>& count) const {
+    int total = 0;
+    for (const auto& robot : robots_) total += count(robot->node);
+    return total;
+  }
+
+  void broadcast(int from, const Bytes& bytes) {
+    for (int to = 0; to < static_cast<int>(robots_.size()); ++to) {
+      const Link& link = links_[static_cast<std::size_t>(from)][static_cast<std::size_t>(to)];
+      const int copies = uniform(0, 1) < 0.1 ? 2 : 1;
+      for (int i = 0; i < copies; ++i) {
+        if (to == from || uniform(0, 1) < link.loss || now_us_ >= link.dies_us) continue;
+        const auto delay = static_cast<std::int64_t>(uniform(0, static_cast<double>(max_delay_us_)));
+        packets_.push({now_us_ + delay, next_packet_++, to, bytes});
+      }
+    }
+  }
+
+  void run_until(std::int64_t tick) {
+    while (true) {
+      const auto next = std::min_element(robots_.begin(), robots_.end(),
+                                         [](const auto& a, const auto& b) { return a->wake_us < b->wake_us; });
+      const std::int64_t packet_us = packets_.empty() ? INT64_MAX : packets_.top().time_us;
+      if (std::min(packet_us, (*next)->wake_us) > tick) break;
+      now_us_ = std::min(packet_us, (*next)->wake_us);
+      if (packet_us <= (*next)->wake_us) {
+        const Packet packet = packets_.top();
+        packets_.pop();
+        robots_[static_cast<std::size_t>(packet.to)]->deliver(BusId::kSwarm, channel::kTrajectory, packet.bytes);
+      } else {
+        (*next)->step();
+      }
+    }
+    now_us_ = tick;
+  }
+
+  void maybe_plan(Member& robot) {
+    if (!robot.node.motion()->next.empty() || (now_us_ < robot.branch_us && uniform(0, 1) > 0.01)) return;
+    const auto lead = static_cast<std::int64_t>(uniform(1e3, 5e4 + 2.5 * static_cast<double>(max_delay_us_)));
+    robot.branch_us = now_us_ + lead;
+    Eigen::Vector3d target(uniform(-1.3, 1.3), uniform(-1.3, 1.3), uniform(0.7, 1.3));
+    const Member& prey = *robots_[random_() % robots_.size()];
+    if (&prey != &robot && uniform(0, 1) < 0.4) {  // close to where another will be
+      target = prey.node.motion()->at(robot.branch_us + 1'000'000).position;
+      target += (robot.radius_m + prey.radius_m) * uniform(0.9, 1.3) *
+                Eigen::Vector3d(uniform(-1, 1), uniform(-1, 1), uniform(-1, 1)).normalized();
+    }
+    candidate_t candidate{};
+    candidate.header = make_header(robot.id, 1, robot.candidate_seq++, now_us_);
+    const MotionState from = robot.node.motion()->at(robot.branch_us);
+    const int pieces = 1 + static_cast<int>(random_() % 5);
+    candidate.trajectory = quintic_to(from, robot.branch_us, target, uniform(0.4, 1.5), pieces).to_wire();
+    robot.deliver(BusId::kOnboard, channel::kCandidate, encoded(candidate));
+  }
+
+  void judge_flight() {
+    for (std::size_t i = 0; i < robots_.size(); ++i) {
+      ASSERT_EQ(robots_[i]->setpoint.header.utime, now_us_) << "no setpoint";
+      for (std::size_t j = 0; j < i; ++j) {
+        const double distance =
+            (Eigen::Vector3d(robots_[i]->setpoint.position) - Eigen::Vector3d(robots_[j]->setpoint.position)).norm();
+        ASSERT_GE(distance, robots_[i]->radius_m + robots_[j]->radius_m) << "robots " << i << " and " << j << " met";
+      }
+    }
+  }
+
+  // All robots are known here as they really are: what was committed must stay clear of them for ever.
+  void judge_commit(const Member& robot) {
+    const Motion& motion = *robot.node.motion();
+    for (const auto& other : robots_) {
+      if (other->id == robot.id) continue;
+      const Motion& theirs = *other->node.motion();
+      const std::int64_t end = std::max(motion.end_utime(), theirs.end_utime());
+      for (std::int64_t t = motion.next.start_utime(); t <= end + 10'000; t += 10'000) {
+        const double distance = (motion.at(t).position - theirs.at(t).position).norm();
+        ASSERT_GE(distance, robot.radius_m + other->radius_m)
+            << "robot " << robot.id << " committed what meets robot " << other->id << " at "
+            << 1e-6 * static_cast<double>(t - kStart_us) << " s";
+      }
+    }
+  }
+
+  std::mt19937_64 random_;
+  std::int64_t now_us_ = kStart_us, max_delay_us_ = 0, next_packet_ = 0;
+  double max_loss_ = 0.0;
+  std::vector<std::unique_ptr<Member>> robots_;
+  std::vector<std::vector<Link>> links_;  // [from][to]
+  std::priority_queue<Packet, std::vector<Packet>, std::greater<>> packets_;
+};
+
+TEST(BroadcastNode, NoNetworkMakesCommittedMotionsMeet) {
+  constexpr int kSeeds = kSanitized ? 12 : 120;
+  std::int64_t commits = 0, withdrawn = 0, conflicts = 0;
+  for (int seed = 1; seed <= kSeeds && !HasFailure(); ++seed) {
+    RandomSwarm swarm(static_cast<std::uint64_t>(seed), 3 + seed % 2);
+    swarm.run(20.0);
+    EXPECT_GT(swarm.commits(), 0) << "seed " << seed;
+    EXPECT_FALSE(HasFailure()) << "seed " << seed << ": " << swarm.describe();
+    commits += swarm.commits();
+    withdrawn += swarm.withdrawn();
+    conflicts += swarm.conflicts();
+  }
+  std::printf("%lld commits, %lld withdrawn, %lld conflicts\n", static_cast<long long>(commits),
+              static_cast<long long>(withdrawn), static_cast<long long>(conflicts));
+  EXPECT_GT(commits, kSeeds * 200);
+  EXPECT_GT(withdrawn, kSeeds * 10);
+  EXPECT_GT(conflicts, kSeeds * 100);
+}
+
+}  // namespace
+}  // namespace swarm::test

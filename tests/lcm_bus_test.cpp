@@ -1,0 +1,357 @@
+// The real thing: LCM over multicast that never leaves this computer (ttl=0), between objects and between processes,
+// and the real-time host with a toy node.
+#include "lcmtypes/bus/lcm_bus.h"
+
+#include <gtest/gtest.h>
+#include <sched.h>
+#include <sys/socket.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <array>
+#include <chrono>
+#include <csignal>
+#include <cstdio>
+#include <cstdlib>
+#include <fstream>
+#include <functional>
+#include <string>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "lcmtypes/bus/realtime_host.h"
+
+namespace swarm {
+namespace {
+
+using namespace std::chrono_literals;
+using Clock = std::chrono::steady_clock;
+using Bytes = std::vector<std::uint8_t>;
+
+// Buses of their own for each test process; several test runs may share the computer.
+std::string test_url(int index, const std::string& more = "") {
+  const int port = 20000 + (static_cast<int>(::getpid()) * 8 + index) % 40000;
+  return "udpm://239.255.76.67:" + std::to_string(port) + "?ttl=0" + more;
+}
+
+bool wait_until(LcmBus& bus, const std::function<bool()>& done, std::chrono::milliseconds limit = 5s) {
+  for (const auto end = Clock::now() + limit; !done() && Clock::now() < end;) {
+    if (bus.drain() == 0) std::this_thread::sleep_for(1ms);
+  }
+  return done();
+}
+
+// Where the computer has no multicast at all there is nothing to try; any other failure is one.
+class LcmBusTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    try {
+      LcmBus bus(test_url(0));
+    } catch (const std::runtime_error& error) {
+      if (std::string(error.what()).find("ip route add") != std::string::npos) GTEST_SKIP() << error.what();
+      throw;
+    }
+  }
+};
+
+std::string url_error(const std::string& url) {
+  try {
+    UdpmUrl::parse(url);
+  } catch (const std::invalid_argument& error) {
+    return error.what();
+  }
+  return "";
+}
+
+TEST(UdpmUrl, ReadsAndWritesParameters) {
+  const UdpmUrl url = UdpmUrl::parse("udpm://239.255.76.67:7702?recv_buf_size=65536&ttl=1");
+  EXPECT_EQ(url.group, "239.255.76.67");
+  EXPECT_EQ(url.port, 7702);
+  EXPECT_EQ(url.ttl, 1);
+  EXPECT_EQ(url.recv_buf_size, 65536);
+  EXPECT_EQ(url.to_string(), "udpm://239.255.76.67:7702?ttl=1&recv_buf_size=65536");
+  EXPECT_EQ(UdpmUrl::parse("udpm://239.1.2.3:1").to_string(), "udpm://239.1.2.3:1?ttl=0&recv_buf_size=2097152");
+}
+
+TEST(UdpmUrl, RefusesWhateverElse) {
+  for (const char* url : {"",
+                          "udpm",
+                          "udpm://",
+                          "udp://239.255.76.67:7700",
+                          "memq://",
+                          "239.255.76.67:7700",
+                          "udpm://:7700",
+                          "udpm://239.255.76.67",
+                          "udpm://239.255.76.67:",
+                          "udpm://239.255.76.67:0",
+                          "udpm://239.255.76.67:65536",
+                          "udpm://239.255.76.67:77x",
+                          "udpm://239.255.76.67:-1",
+                          "udpm://127.0.0.1:7700",
+                          "udpm://223.255.255.255:7700",
+                          "udpm://240.0.0.0:7700",
+                          "udpm://239.255.76:7700",
+                          "udpm://localhost:7700",
+                          "udpm://239.255.76.67:7700?ttl=",
+                          "udpm://239.255.76.67:7700?ttl=-1",
+                          "udpm://239.255.76.67:7700?ttl=256",
+                          "udpm://239.255.76.67:7700?ttl=0&ttl=0",
+                          "udpm://239.255.76.67:7700?tll=0",
+                          "udpm://239.255.76.67:7700?ttl=0&&recv_buf_size=65536",
+                          "udpm://239.255.76.67:7700?recv_buf_size=1",
+                          "udpm://239.255.76.67:7700 ?ttl=0"}) {
+    const std::string error = url_error(url);
+    EXPECT_NE(error.find("'" + std::string(url) + "'"), std::string::npos) << url << " -> " << error;
+    EXPECT_EQ(error.find('\n'), std::string::npos);
+  }
+  EXPECT_EQ(url_error("udpm://239.255.76.67:7700?tll=0"),
+            "bus 'udpm://239.255.76.67:7700?tll=0': unknown parameter 'tll' (there are ttl and recv_buf_size)");
+}
+
+// tools/bus_url.sh and the daemons must mean the same buses.
+TEST(UdpmUrl, ScriptsNameTheSameBuses) {
+  const auto script_url = [](const std::string& option) {
+    const std::string command =
+        "bash -c 'source " SWARM_SOURCE_DIR "/tools/bus_url.sh; read_bus_option " + option + "; echo -n \"$bus_url\"'";
+    FILE* const pipe = ::popen(command.c_str(), "r");
+    std::array<char, 256> text{};
+    const std::size_t size = std::fread(text.data(), 1, text.size(), pipe);
+    ::pclose(pipe);
+    return std::string(text.data(), size);
+  };
+  EXPECT_EQ(script_url("--onboard 0"), UdpmUrl::parse(kDefaultOnboardUrl).to_string());
+  EXPECT_EQ(script_url("--swarm"), UdpmUrl::parse(kDefaultSwarmUrl).to_string());
+  EXPECT_EQ(UdpmUrl::parse(script_url("--onboard 12")).port, UdpmUrl::parse(kDefaultOnboardUrl).port + 12);
+  EXPECT_EQ(script_url("--url udpm://239.1.1.1:9000"), "udpm://239.1.1.1:9000?recv_buf_size=2097152");
+}
+
+TEST_F(LcmBusTest, CarriesBytesOnExactChannels) {
+  LcmBus sender(test_url(1)), receiver(test_url(1)), elsewhere(test_url(2));
+  std::vector<std::pair<std::string, Bytes>> heard;
+  int strays = 0;
+  const auto keep = [&](std::string_view channel, std::span<const std::uint8_t> bytes) {
+    heard.emplace_back(channel, Bytes(bytes.begin(), bytes.end()));
+  };
+  receiver.subscribe("GOAL", keep);
+  receiver.subscribe("SOGM", keep);
+  elsewhere.subscribe("GOAL", [&](auto, auto) { ++strays; });
+  std::vector<std::pair<std::string, Bytes>> sent;
+  for (const std::size_t size : {0u, 1u, 879u, 60'100u, 300'000u}) {
+    Bytes bytes(size);
+    for (std::size_t i = 0; i < size; ++i) bytes[i] = static_cast<std::uint8_t>(i * i + size);
+    for (const char* channel : {"GOAL", "GOAL_2", "A_GOAL", "SOGM"}) {
+      ASSERT_TRUE(sender.publish(channel, bytes));
+      if (channel == std::string("GOAL") || channel == std::string("SOGM")) sent.emplace_back(channel, bytes);
+    }
+    ASSERT_TRUE(wait_until(receiver, [&] { return heard.size() == sent.size(); })) << size << ": " << heard.size();
+  }
+  EXPECT_TRUE(heard == sent);
+  elsewhere.drain();
+  EXPECT_EQ(strays, 0);
+  EXPECT_EQ(receiver.drain(), 0);
+}
+
+TEST_F(LcmBusTest, RefusesChannelsThatAreExpressions) {
+  LcmBus bus(test_url(1));
+  for (const std::string& channel :
+       {std::string(), std::string(".*"), std::string("GOAL|SOGM"), std::string(64, 'A')}) {
+    EXPECT_THROW(bus.subscribe(channel, [](auto, auto) {}), std::invalid_argument) << channel;
+  }
+}
+
+TEST_F(LcmBusTest, SurvivesHandlersThatThrow) {
+  LcmBus bus(test_url(1));
+  int good = 0;
+  bus.subscribe("BAD", [](auto, auto) { throw std::runtime_error("thrown by the handler"); });
+  bus.subscribe("GOOD", [&](auto, auto) { ++good; });
+  for (int round = 0; round < 3; ++round) {
+    ASSERT_TRUE(bus.publish("BAD", Bytes{1}));
+    ASSERT_TRUE(bus.publish("GOOD", Bytes{1}));
+    int thrown = 0;
+    for (const auto end = Clock::now() + 5s; (thrown == 0 || good == round) && Clock::now() < end;) {
+      try {
+        bus.drain();
+      } catch (const std::runtime_error& error) {
+        EXPECT_STREQ(error.what(), "thrown by the handler");
+        ++thrown;
+      }
+    }
+    EXPECT_EQ(thrown, 1);
+    EXPECT_EQ(good, round + 1);
+  }
+}
+
+TEST_F(LcmBusTest, TellsOfASmallReceiveBuffer) {
+  LcmBus greedy(test_url(1, "&recv_buf_size=1073741824"));
+  ASSERT_EQ(greedy.warnings().size(), 1u);
+  EXPECT_NE(greedy.warnings()[0].find("sysctl -w net.core.rmem_max=1073741824"), std::string::npos);
+  EXPECT_TRUE(LcmBus(test_url(1, "&recv_buf_size=65536")).warnings().empty());
+}
+
+// Runs `child` in a process of its own; its exit code.
+template <class Child>
+int exit_code_of(Child child) {
+  const pid_t pid = ::fork();
+  if (pid == 0) ::_exit(child());
+  int status = 0;
+  ::waitpid(pid, &status, 0);
+  return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+}
+
+TEST(LcmBusRoute, NamesTheCommandThatMendsAMissingRoute) {
+  constexpr int kSkipped = 77;
+  const int code = exit_code_of([] {
+    const uid_t uid = ::getuid();
+    if (::unshare(CLONE_NEWUSER | CLONE_NEWNET) != 0) return kSkipped;
+    std::ofstream("/proc/self/uid_map") << "0 " << uid << " 1";  // root of the new network
+    try {
+      LcmBus bus(test_url(3));
+      return 1;
+    } catch (const std::runtime_error& error) {
+      if (std::string(error.what()).find("ip route add 224.0.0.0/4 dev lo") == std::string::npos) return 2;
+    }
+    // And it does mend it.
+    if (std::system("ip link set lo up && ip route add 224.0.0.0/4 dev lo") != 0) return kSkipped;
+    LcmBus bus(test_url(3));
+    bool heard = false;
+    bus.subscribe("GOAL", [&](auto, auto) { heard = true; });
+    return bus.publish("GOAL", Bytes{1}) && wait_until(bus, [&] { return heard; }) ? 0 : 3;
+  });
+  if (code == kSkipped) GTEST_SKIP() << "no network namespaces here";
+  EXPECT_EQ(code, 0);
+}
+
+// --- The real-time host. ---------------------------------------------------------------------------------------------
+
+// Answers PING on the bus it came from, and ticks every 20 ms.
+class ToyNode : public Node {
+ public:
+  std::vector<Subscription> subscriptions() const override {
+    return {{BusId::kOnboard, "PING"}, {BusId::kSwarm, "PING"}};
+  }
+  void on_message(std::int64_t, BusId bus, std::string_view, std::span<const std::uint8_t> bytes,
+                  Outbox& outbox) override {
+    outbox.publish_bytes(bus, "PONG", bytes);
+  }
+  std::int64_t step(std::int64_t now_us, Outbox& outbox) override {
+    if (now_us >= next_) {
+      outbox.publish_bytes(BusId::kOnboard, "TICK", Bytes{1});
+      next_ = now_us + 20'000;
+    }
+    return next_;
+  }
+
+ private:
+  std::int64_t next_ = 0;
+};
+
+int toy_main(const std::vector<std::string>& words, bool node_fails = false) {
+  std::vector<const char*> argv{"toy"};
+  for (const std::string& word : words) argv.push_back(word.c_str());
+  int speed = 1;
+  return daemon_main(
+      "toy", "A toy.", static_cast<int>(argv.size()), argv.data(), DaemonBuses::kOnboardAndSwarm,
+      [&](OptionSet& options) { options.add("speed", &speed, 0, 9, "", "of nothing"); },
+      [&]() -> std::unique_ptr<Node> {
+        if (node_fails) throw std::invalid_argument("speed must not be that");
+        return std::make_unique<ToyNode>();
+      });
+}
+
+class HostTest : public LcmBusTest, public testing::WithParamInterface<int> {};
+
+TEST_P(HostTest, RunsANodeUntilTheSignal) {
+  const std::string onboard_url = test_url(4), swarm_url = test_url(5);
+  const pid_t pid = ::fork();
+  if (pid == 0) ::_exit(toy_main({"--onboard-url", onboard_url, "--swarm-url", swarm_url}));
+  LcmBus onboard(onboard_url), swarm(swarm_url);
+  int ticks = 0;
+  std::vector<Bytes> onboard_pongs, swarm_pongs;
+  const auto keep_in = [](std::vector<Bytes>& pongs) {
+    return [&pongs](std::string_view, std::span<const std::uint8_t> bytes) {
+      pongs.emplace_back(bytes.begin(), bytes.end());
+    };
+  };
+  onboard.subscribe("TICK", [&](auto, auto) { ++ticks; });
+  onboard.subscribe("PONG", keep_in(onboard_pongs));
+  swarm.subscribe("PONG", keep_in(swarm_pongs));
+
+  ASSERT_TRUE(wait_until(
+      onboard, [&] { return ticks > 0; }, 20s));  // it is up
+  ticks = 0;
+  const auto began = Clock::now();
+  EXPECT_TRUE(wait_until(onboard, [&] { return ticks >= 25; }));
+  // 20 ms at least between ticks; the first may have been under way.
+  EXPECT_GT(Clock::now() - began, 23 * 20ms);
+
+  for (std::uint8_t i = 0; i < 20; ++i) {
+    ASSERT_TRUE(onboard.publish("PING", Bytes{i, 1}));
+    ASSERT_TRUE(swarm.publish("PING", Bytes{i, 2}));
+  }
+  EXPECT_TRUE(wait_until(onboard, [&] { return onboard_pongs.size() == 20; })) << onboard_pongs.size();
+  EXPECT_TRUE(wait_until(swarm, [&] { return swarm_pongs.size() == 20; })) << swarm_pongs.size();
+  for (std::uint8_t i = 0; i < 20; ++i) {
+    EXPECT_EQ(onboard_pongs.at(i), (Bytes{i, 1}));
+    EXPECT_EQ(swarm_pongs.at(i), (Bytes{i, 2}));
+  }
+
+  const auto killed = Clock::now();
+  ASSERT_EQ(::kill(pid, GetParam()), 0);
+  int status = 0;
+  ::waitpid(pid, &status, 0);
+  EXPECT_LT(Clock::now() - killed, 1s);
+  EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 0) << status;
+}
+INSTANTIATE_TEST_SUITE_P(Signals, HostTest, testing::Values(SIGTERM, SIGINT));
+
+TEST_F(LcmBusTest, HostRunsSeveralNodesUntilStopped) {
+  ToyNode first, second;
+  RealtimeHost host;
+  host.add("first", first, test_url(4), test_url(6));
+  host.add("second", second, test_url(5), test_url(6));
+  int heard = 0;
+  LcmBus onboard(test_url(5));
+  onboard.subscribe("TICK", [&](auto, auto) { ++heard; });
+  std::thread stopper([&] {
+    wait_until(onboard, [&] { return heard >= 3; });
+    host.stop();
+  });
+  host.run();
+  stopper.join();
+  EXPECT_GE(heard, 3);
+}
+
+TEST_F(LcmBusTest, HostRefusesANodeWithoutItsBus) {
+  ToyNode node;
+  RealtimeHost host;
+  EXPECT_THROW(host.add("toy", node, test_url(4), ""), std::invalid_argument);
+}
+
+// Exit code and stderr of the toy daemon.
+std::pair<int, std::string> failing_main(const std::vector<std::string>& words, bool node_fails = false) {
+  testing::internal::CaptureStderr();
+  const int code = toy_main(words, node_fails);
+  return {code, testing::internal::GetCapturedStderr()};
+}
+
+TEST(DaemonMain, SaysInOneLineWhatIsWrong) {
+  EXPECT_EQ(failing_main({"--speed", "10"}),
+            std::pair(2, std::string("toy: --speed 10: must be a whole number within [0, 9]\n")));
+  EXPECT_EQ(failing_main({"--onboard-url", "foo"}),
+            std::pair(2, std::string("toy: --onboard-url foo: bus 'foo': must be udpm://ADDRESS:PORT?ttl=N\n")));
+  EXPECT_EQ(failing_main({}, true), std::pair(2, std::string("toy: speed must not be that\n")));
+}
+
+TEST(DaemonMain, PrintsItsConfig) {
+  testing::internal::CaptureStdout();
+  EXPECT_EQ(toy_main({"--print-config", "--speed", "3"}), 0);
+  const std::string out = testing::internal::GetCapturedStdout();
+  for (const std::string& line : {std::string("speed = 3\n"), "onboard-url = " + std::string(kDefaultOnboardUrl) + "\n",
+                                  "swarm-url = " + std::string(kDefaultSwarmUrl) + "\n"}) {
+    EXPECT_NE(out.find(line), std::string::npos) << out;
+  }
+}
+
+}  // namespace
+}  // namespace swarm

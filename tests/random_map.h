@@ -1,0 +1,99 @@
+// Small seeded maps for the tests, drawn voxel by voxel: no code in common with the rasteriser.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+
+#include "map_daemon/sogm.h"
+#include "tests/random_motion.h"
+
+namespace swarm {
+
+// Window of `size_m` centred at the origin.
+inline Sogm empty_map(const Eigen::Vector3d& size_m, double resolution_m, int frames, std::int64_t start_utime,
+                      std::int64_t frame_us) {
+  GridGeometry geometry;
+  geometry.resolution_m = resolution_m;
+  geometry.size = (size_m / resolution_m).array().round().matrix().cast<int>();
+  geometry.origin = -geometry.size / 2;
+  Sogm sogm;
+  sogm.reset(geometry, frames, start_utime, frame_us);
+  return sogm;
+}
+
+inline void set_voxel(Sogm* sogm, int frame, const Eigen::Vector3i& voxel) {
+  sogm->column(frame, voxel.x(), voxel.y())[voxel.z() >> 6] |= std::uint64_t{1} << (voxel.z() & 63);
+}
+
+// Occupies voxels whose centre lies in [low, high], in frames [first, last].
+inline void mark_box(Sogm* sogm, const Eigen::Vector3d& low, const Eigen::Vector3d& high, int first = 0,
+                     int last = 1 << 20) {
+  const GridGeometry& grid = sogm->geometry;
+  for (int frame = first; frame <= std::min(last, sogm->num_frames - 1); ++frame) {
+    for (int x = 0; x < grid.size.x(); ++x) {
+      for (int y = 0; y < grid.size.y(); ++y) {
+        for (int z = 0; z < grid.size.z(); ++z) {
+          const Eigen::Vector3d center = grid.center_of({x, y, z});
+          if ((center.array() >= low.array()).all() && (center.array() <= high.array()).all())
+            set_voxel(sogm, frame, {x, y, z});
+        }
+      }
+    }
+  }
+}
+
+// A ball that moves uniformly, at `center` when the map starts; a column when the vertical is left out.
+inline void mark_ball(Sogm* sogm, const Eigen::Vector3d& center, const Eigen::Vector3d& velocity, double radius_m,
+                      bool column = false) {
+  const GridGeometry& grid = sogm->geometry;
+  const Eigen::Vector3d reach = Eigen::Vector3d::Constant(radius_m);
+  for (int frame = 0; frame < sogm->num_frames; ++frame) {
+    for (int i = 0; i <= 8; ++i) {
+      const double t = 1e-6 * static_cast<double>(sogm->frame_duration_us) * (frame + i / 8.0);
+      const Eigen::Vector3d now = center + t * velocity;
+      Eigen::Vector3i low = grid.voxel_of(now - reach).cwiseMax(0);
+      Eigen::Vector3i high = grid.voxel_of(now + reach).cwiseMin(grid.size - Eigen::Vector3i::Ones());
+      if (column) low.z() = 0, high.z() = grid.size.z() - 1;
+      for (int x = low.x(); x <= high.x(); ++x) {
+        for (int y = low.y(); y <= high.y(); ++y) {
+          for (int z = low.z(); z <= high.z(); ++z) {
+            const Eigen::Vector3d offset = grid.center_of({x, y, z}) - now;
+            if ((column ? offset.head<2>().norm() : offset.norm()) <= radius_m) set_voxel(sogm, frame, {x, y, z});
+          }
+        }
+      }
+    }
+  }
+}
+
+// Balls and columns, half of them moving.
+inline Sogm random_map(Rng& rng, int obstacles, const Eigen::Vector3d& size_m, int frames, std::int64_t start_utime,
+                       std::int64_t frame_us) {
+  Sogm sogm = empty_map(size_m, 0.1, frames, start_utime, frame_us);
+  for (int i = 0; i < obstacles; ++i) {
+    const Eigen::Vector3d center = in_box(rng, -size_m / 2, size_m / 2);
+    Eigen::Vector3d velocity = i % 2 == 0 ? Eigen::Vector3d::Zero().eval() : in_cube(rng, 1.5);
+    const double radius = uniform(rng, 0.1, 0.4);
+    mark_ball(&sogm, center, velocity, radius, i % 3 == 0);
+  }
+  return sogm;
+}
+
+// Distance from `p` to the nearest centre of a voxel occupied in `frame`, or `limit_m` when none is nearer.
+inline double distance_to_occupied(const Sogm& sogm, int frame, const Eigen::Vector3d& p, double limit_m) {
+  const GridGeometry& grid = sogm.geometry;
+  const Eigen::Vector3i low = grid.voxel_of(p.array() - limit_m).cwiseMax(0);
+  const Eigen::Vector3i high = grid.voxel_of(p.array() + limit_m).cwiseMin(grid.size - Eigen::Vector3i::Ones());
+  double least = limit_m;
+  for (int x = low.x(); x <= high.x(); ++x) {
+    for (int y = low.y(); y <= high.y(); ++y) {
+      for (int z = low.z(); z <= high.z(); ++z) {
+        if (sogm.occupied(frame, {x, y, z})) least = std::min(least, (grid.center_of({x, y, z}) - p).norm());
+      }
+    }
+  }
+  return least;
+}
+
+}  // namespace swarm

@@ -1,0 +1,238 @@
+// Random valid messages of every type, for the tests of the wire.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <random>
+#include <type_traits>
+
+#include "lcmtypes/bus/codec.h"
+
+namespace swarm::random_messages {
+
+using namespace sogm_swarm;
+using Random = std::mt19937_64;
+
+inline int integer(Random& random, int low, int high) {
+  return std::uniform_int_distribution<int>(low, high)(random);
+}
+inline double real(Random& random, double low, double high) {
+  return std::uniform_real_distribution<double>(low, high)(random);
+}
+template <class Real, std::size_t size>
+void fill(Random& random, double low, double high, Real (&values)[size]) {
+  for (Real& value : values) value = static_cast<Real>(real(random, low, high));
+}
+template <std::size_t size>
+void fill(Random& random, std::int32_t (&counters)[size]) {
+  for (std::int32_t& counter : counters) counter = integer(random, 0, 1 << 30);
+}
+
+inline header_t make_header(Random& random) {
+  header_t header{};
+  header.schema_version = header_t::kSchemaVersion;
+  header.robot_id = static_cast<std::int16_t>(integer(random, 0, 32767));
+  header.boot = integer(random, 0, std::numeric_limits<std::int32_t>::max());
+  header.seq = integer(random, 0, 1 << 30);
+  header.utime = 1'700'000'000'000'000 + integer(random, 0, 1 << 30);
+  return header;
+}
+
+inline trajectory_t make_trajectory(Random& random, std::int64_t utime) {
+  trajectory_t t{};
+  t.seq = integer(random, 1, 1 << 30);
+  t.start_utime = utime + integer(random, 0, 1'000'000);
+  t.piece_us = integer(random, 10'000, 10'000'000);
+  t.num_pieces = static_cast<std::int16_t>(integer(random, 1, trajectory_t::kMaxPieces));
+  for (int k = 0; k <= t.num_pieces; ++k) {
+    for (int i = 0; i < 9; ++i) {
+      const double bound = i < 3 ? 1e4 : k == t.num_pieces ? 1e-3 : i < 6 ? 99.0 : 900.0;
+      t.knots[k][i] = static_cast<float>(0.99 * real(random, -bound, bound));
+    }
+  }
+  return t;
+}
+
+// `elements`: of the variable array, if there is one.
+inline void make(Random& random, int elements, announcement_t* m) {
+  m->radius = static_cast<float>(real(random, 0.1, 10.0));
+  m->committed = make_trajectory(random, m->header.utime);
+  m->pending_state = static_cast<std::int8_t>(integer(random, announcement_t::kNone, announcement_t::kCommitted));
+  m->pending = m->pending_state == 0 ? trajectory_t{} : make_trajectory(random, m->header.utime);
+  m->pending_stamp = m->header.utime - 1000;
+  m->num_acks = static_cast<std::int16_t>(std::min(elements, 48));
+  m->header.robot_id = 1000;
+  for (int i = 0; i < m->num_acks; ++i) {
+    ack_t ack{};
+    ack.peer_id = static_cast<std::int16_t>(i * 3);
+    ack.peer_boot = integer(random, 0, 1 << 30);
+    ack.verdict = static_cast<std::int8_t>(integer(random, ack_t::kNone, ack_t::kNack));
+    ack.judged_seq = ack.verdict == ack_t::kNone ? 0 : integer(random, 1, 1 << 30);
+    m->acks.push_back(ack);
+  }
+}
+inline void make(Random& random, int, broadcast_status_t* m) {
+  m->state = static_cast<std::int16_t>(integer(random, 0, 2));
+  m->candidates = m->commits = m->withdrawn = m->peers_heard = m->lost = integer(random, 0, 1 << 30);
+  fill(random, m->rejected);
+  fill(random, m->refused);
+  m->max_age_ms = m->max_clock_offset_ms = static_cast<float>(real(random, 0, 1e3));
+}
+inline void make(Random& random, int, candidate_t* m) {
+  m->trajectory = make_trajectory(random, m->header.utime);
+}
+inline void make(Random& random, int elements, corridors_t* m) {
+  m->trajectory_seq = integer(random, 0, 1 << 30);
+  m->num_faces = std::min(elements, 2048);
+  for (int i = 0; i < m->num_faces; ++i) {
+    face_t face{};
+    face.piece = static_cast<std::int16_t>(integer(random, 0, trajectory_t::kMaxPieces - 1));
+    const double angle = real(random, -3.0, 3.0);
+    face.normal[i % 3] = static_cast<float>(std::sin(angle));
+    face.normal[(i + 1) % 3] = static_cast<float>(std::cos(angle));
+    face.offset = static_cast<float>(real(random, -50, 50));
+    m->faces.push_back(face);
+  }
+}
+inline void make(Random& random, int, goal_t* m) {
+  fill(random, -1e5, 1e5, m->position);
+}
+inline void make(Random& random, int, map_status_t* m) {
+  m->state = static_cast<std::int16_t>(integer(random, 0, 2));
+  m->maps = m->map_bytes = m->obstacles = integer(random, 0, 1 << 22);
+  m->rate_hz = m->build_ms = static_cast<float>(real(random, 0, 1e3));
+  fill(random, m->refused);
+}
+inline void make(Random& random, int elements, obstacle_voxels_t* m) {
+  m->id = integer(random, 0, 1 << 30);
+  fill(random, -1e5, 1e5, m->position);
+  fill(random, -100, 100, m->velocity);
+  m->age_s = real(random, 0, 60);
+  m->resolution = real(random, 0.01, 1.0);
+  m->num_voxels = elements;
+  for (int i = 0; i < elements; ++i) {
+    m->voxels.push_back({static_cast<std::int16_t>(integer(random, -32768, 32767)), 7, -7});
+  }
+}
+inline void make(Random& random, int elements, obstacles_t* m) {
+  m->num_obstacles = std::min(elements, 4096);
+  for (int i = 0; i < m->num_obstacles; ++i) {
+    obstacle_t o{};
+    o.id = i;
+    o.shape = static_cast<std::int16_t>(integer(random, obstacle_t::kColumn, obstacle_t::kSphere));
+    fill(random, -1e5, 1e5, o.position);
+    fill(random, -100, 100, o.velocity);
+    o.yaw = real(random, -3.14, 3.14);
+    fill(random, 0, 1000, o.size);
+    if (o.shape != obstacle_t::kBox) o.size[2] = 0.0;
+    if (o.shape == obstacle_t::kSphere) o.size[1] = 0.0;
+    o.age_s = real(random, 0, 60);
+    m->obstacles.push_back(o);
+  }
+}
+inline void make(Random& random, int, planner_status_t* m) {
+  m->state = static_cast<std::int16_t>(integer(random, 0, 4));
+  m->outcome = static_cast<std::int16_t>(integer(random, 0, 2));
+  m->plans = m->missed = m->expansions = integer(random, 0, 1 << 30);
+  for (float* value :
+       {&m->rate_hz, &m->compose_ms, &m->search_ms, &m->corridor_ms, &m->optimize_ms, &m->check_ms, &m->total_ms}) {
+    *value = static_cast<float>(real(random, 0, 1e3));
+  }
+  fill(random, m->refused);
+}
+inline void make(Random& random, int, robot_state_t* m) {
+  fill(random, -1e5, 1e5, m->position);
+  fill(random, -100, 100, m->velocity);
+  m->yaw = real(random, -3.14, 3.14);
+}
+inline void make(Random& random, int, setpoint_t* m) {
+  for (auto* values : {&m->position, &m->velocity, &m->acceleration, &m->jerk}) fill(random, -50, 50, *values);
+  m->yaw = real(random, -3.14, 3.14);
+  m->yaw_rate = real(random, -50, 50);
+}
+inline void make(Random& random, int elements, sogm_t* m) {
+  m->frame_duration_us = integer(random, 1, 10'000'000);
+  m->num_frames = static_cast<std::int16_t>(integer(random, 1, 128));
+  for (std::int16_t& size : m->size) size = static_cast<std::int16_t>(integer(random, 1, 128));
+  for (std::int32_t& origin : m->origin) origin = integer(random, -(1 << 30), 1 << 30);
+  m->resolution = real(random, 0.01, 1.0);
+  m->num_parts = static_cast<std::int16_t>(integer(random, 1, 64));
+  m->part = static_cast<std::int16_t>(integer(random, 0, m->num_parts - 1));
+  m->num_bytes = std::clamp(elements, 1, 60000);
+  m->total_bytes = m->num_bytes + (m->num_parts - 1) * integer(random, 1, 60000);
+  m->data.resize(static_cast<std::size_t>(m->num_bytes));
+  for (std::uint8_t& byte : m->data) byte = static_cast<std::uint8_t>(random());
+}
+
+// A message with `elements` in its variable array, or the nearest number that is allowed.
+template <class T>
+T make(Random& random, int elements) {
+  T message{};
+  message.header = make_header(random);
+  make(random, elements, &message);
+  return message;
+}
+
+// Calls f with every floating-point number of a message.
+template <class F, class... Values>
+void each(F f, Values&... values) {
+  const auto one = [&f](auto& value) {
+    if constexpr (std::is_array_v<std::remove_reference_t<decltype(value)>>) {
+      for (auto& element : value) each(f, element);
+    } else {
+      f(value);
+    }
+  };
+  (one(values), ...);
+}
+template <class F>
+void each_real(announcement_t& m, F f) {
+  each(f, m.radius, m.committed.knots, m.pending.knots);
+}
+template <class F>
+void each_real(broadcast_status_t& m, F f) {
+  each(f, m.max_age_ms, m.max_clock_offset_ms);
+}
+template <class F>
+void each_real(candidate_t& m, F f) {
+  each(f, m.trajectory.knots);
+}
+template <class F>
+void each_real(corridors_t& m, F f) {
+  for (face_t& face : m.faces) each(f, face.normal, face.offset);
+}
+template <class F>
+void each_real(goal_t& m, F f) {
+  each(f, m.position);
+}
+template <class F>
+void each_real(map_status_t& m, F f) {
+  each(f, m.rate_hz, m.build_ms);
+}
+template <class F>
+void each_real(obstacle_voxels_t& m, F f) {
+  each(f, m.position, m.velocity, m.age_s, m.resolution);
+}
+template <class F>
+void each_real(obstacles_t& m, F f) {
+  for (obstacle_t& o : m.obstacles) each(f, o.position, o.velocity, o.yaw, o.size, o.age_s);
+}
+template <class F>
+void each_real(planner_status_t& m, F f) {
+  each(f, m.rate_hz, m.compose_ms, m.search_ms, m.corridor_ms, m.optimize_ms, m.check_ms, m.total_ms);
+}
+template <class F>
+void each_real(robot_state_t& m, F f) {
+  each(f, m.position, m.velocity, m.yaw);
+}
+template <class F>
+void each_real(setpoint_t& m, F f) {
+  each(f, m.position, m.velocity, m.acceleration, m.jerk, m.yaw, m.yaw_rate);
+}
+template <class F>
+void each_real(sogm_t& m, F f) {
+  each(f, m.resolution);
+}
+
+}  // namespace swarm::random_messages

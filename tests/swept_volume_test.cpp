@@ -1,0 +1,148 @@
+#include "planner_daemon/swept_volume.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "tests/random_motion.h"
+
+namespace swarm {
+namespace {
+
+using Eigen::Vector3d;
+using Eigen::Vector3i;
+
+constexpr std::int64_t kStart = 1'700'000'000'000'000;
+constexpr std::int64_t kStep_us = 2000;
+
+std::vector<Vector3d> positions_during(const Motion& motion, std::int64_t from, std::int64_t to) {
+  std::vector<Vector3d> positions;
+  for (std::int64_t t = from; t <= to; t += kStep_us) positions.push_back(motion.at(std::min(t, to)).position);
+  positions.push_back(motion.at(to).position);
+  return positions;
+}
+
+// How far the hull of a span's control points reaches from its chord, from their second differences alone.
+double bulge(const Motion& motion, std::int64_t from, std::int64_t to) {
+  double largest = 0.0;
+  while (from < to) {
+    const std::int64_t stop = std::min(motion.next_knot_after(from), to);
+    const ControlPoints c = control_points_between(motion, from, stop);
+    for (int k = 1; k < 5; ++k) {
+      largest = std::max(largest, 25.0 / 8.0 * (c.col(k - 1) - 2 * c.col(k) + c.col(k + 1)).norm());
+    }
+    from = stop;
+  }
+  return largest;
+}
+
+Sogm random_window(Rng& rng) {
+  GridGeometry geometry;
+  geometry.resolution_m = uniform(rng, 0.08, 0.2);
+  geometry.size = {uniform_int(rng, 10, 40), uniform_int(rng, 10, 40), uniform_int(rng, 5, 90)};
+  geometry.origin =
+      -geometry.size / 2 + Vector3i(uniform_int(rng, -8, 8), uniform_int(rng, -8, 8), uniform_int(rng, -8, 8));
+  Sogm sogm;
+  sogm.reset(geometry, uniform_int(rng, 1, 12), kStart, uniform_int(rng, 50'000, 400'000));
+  return sogm;
+}
+
+// Both directions in one: what comes within the radius is marked, in its frame, and nothing much farther is.
+TEST(SweptVolumeTest, MarksWhatTheMotionSweepsInEachFrameAndLittleMore) {
+  Rng rng(1);
+  int switches_inside_a_frame = 0;
+  std::int64_t marked = 0, needed = 0;
+  for (int trial = 0; trial < 60; ++trial) {
+    Sogm sogm = random_window(rng);
+    const Motion motion = random_motion(rng, kStart - uniform_int(rng, 0, 1'000'000), 2.0);
+    const double radius = uniform(rng, 0.1, 0.5);
+    SCOPED_TRACE(testing::Message() << "trial " << trial << ", radius " << radius << ", resolution "
+                                    << sogm.geometry.resolution_m << ", origin " << sogm.geometry.origin.transpose()
+                                    << ", size " << sogm.geometry.size.transpose() << ", " << sogm.num_frames
+                                    << " frames of " << sogm.frame_duration_us << "\n"
+                                    << motion);
+    mark_swept_volume(motion, radius, &sogm);
+    const GridGeometry& grid = sogm.geometry;
+    for (int frame = 0; frame < sogm.num_frames; ++frame) {
+      const std::int64_t from = kStart + frame * sogm.frame_duration_us, to = from + sogm.frame_duration_us;
+      switches_inside_a_frame +=
+          !motion.next.empty() && motion.next.start_utime() > from && motion.next.start_utime() < to;
+      const std::vector<Vector3d> positions = positions_during(motion, from, to);
+      double step = 0.0;
+      for (std::size_t i = 1; i < positions.size(); ++i)
+        step = std::max(step, (positions[i] - positions[i - 1]).norm());
+      const double limit = radius + 2 * bulge(motion, from, to) + step + 1e-6;
+      for (int x = 0; x < grid.size.x(); ++x) {
+        for (int y = 0; y < grid.size.y(); ++y) {
+          for (int z = 0; z < grid.size.z(); ++z) {
+            const Vector3d center = grid.center_of({x, y, z});
+            const bool is_marked = sogm.occupied(frame, {x, y, z});
+            // Far from all the motion there is nothing to look at closely.
+            if (!is_marked &&
+                (center - positions.front()).norm() > radius + step * static_cast<double>(positions.size()))
+              continue;
+            double nearest = INFINITY;
+            for (const Vector3d& position : positions) nearest = std::min(nearest, (center - position).squaredNorm());
+            nearest = std::sqrt(nearest);
+            if (nearest <= radius - 1e-6) {
+              ++needed;
+              ASSERT_TRUE(is_marked) << "frame " << frame << ", voxel " << x << ' ' << y << ' ' << z << ": " << nearest;
+            }
+            if (is_marked) {
+              ++marked;
+              ASSERT_LE(nearest, limit) << "frame " << frame << ", voxel " << x << ' ' << y << ' ' << z;
+            }
+          }
+        }
+      }
+      if (grid.size.z() % 64 == 0) continue;
+      for (int x = 0; x < grid.size.x(); ++x) {
+        for (int y = 0; y < grid.size.y(); ++y) {
+          ASSERT_EQ(sogm.column(frame, x, y)[grid.words_per_column() - 1] >> (grid.size.z() % 64), 0u)
+              << "above the window";
+        }
+      }
+    }
+  }
+  EXPECT_GT(switches_inside_a_frame, 10);
+  EXPECT_GT(needed, 10'000);
+  EXPECT_LT(marked, needed * 3 / 2);  // conservative, not wasteful
+}
+
+TEST(SweptVolumeTest, HoverTailFillsAllLaterFramesWithTheSameBall) {
+  Sogm sogm;
+  GridGeometry geometry;
+  geometry.size = {20, 20, 20};
+  sogm.reset(geometry, 4, kStart, 200'000);
+  mark_swept_volume({Trajectory::hover(1, kStart - 10'000'000, {1.0, 1.0, 1.0}), {}}, 0.3, &sogm);
+  for (int frame = 0; frame < 4; ++frame) {
+    for (int x = 0; x < 20; ++x) {
+      for (int y = 0; y < 20; ++y) {
+        for (int z = 0; z < 20; ++z) {
+          const double distance = (geometry.center_of({x, y, z}) - Vector3d(1, 1, 1)).norm();
+          ASSERT_EQ(sogm.occupied(frame, {x, y, z}), distance <= 0.3) << frame << ": " << x << ' ' << y << ' ' << z;
+        }
+      }
+    }
+  }
+}
+
+TEST(SweptVolumeTest, AddsToWhatIsThereAndKeepsOffFarWindows) {
+  Sogm sogm;
+  GridGeometry geometry;
+  geometry.size = {10, 10, 10};
+  sogm.reset(geometry, 2, kStart, 200'000);
+  sogm.column(1, 3, 4)[0] = 1u << 5;
+  const Sogm before = sogm;
+  mark_swept_volume({Trajectory::hover(1, kStart, {-5, 0, 50}), {}}, 0.3, &sogm);
+  EXPECT_EQ(sogm.words, before.words);
+  mark_swept_volume({Trajectory::hover(1, kStart, {0.85, 0.85, 0.85}), {}}, 0.1, &sogm);
+  EXPECT_TRUE(sogm.occupied(1, {3, 4, 5}));
+  EXPECT_TRUE(sogm.occupied(1, {8, 8, 8}));
+}
+
+}  // namespace
+}  // namespace swarm
