@@ -5,7 +5,8 @@ int main(int argc, char** argv) {
   swarm::BroadcastConfig config;
   return swarm::daemon_main(
       "broadcast_daemon",
-      "Owns one robot's committed trajectory: announces it to the peers on the swarm bus, commits the planner's candidates\n"
+      "Owns one robot's committed trajectory: announces it to the peers on the swarm bus, commits the planner's "
+      "candidates\n"
       "when no peer objects, relays the peers' trajectories and samples setpoints for the flight controller.",
       argc, argv, swarm::DaemonBuses::kOnboardAndSwarm, [&](swarm::OptionSet& options) { declare(options, config); },
       [&] {

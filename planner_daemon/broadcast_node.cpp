@@ -13,18 +13,22 @@ namespace {
 using sogm_swarm::ack_t;
 using sogm_swarm::announcement_t;
 
-constexpr std::int64_t kMaxAge_us = 1'000'000;       // of messages from peers and planner
+constexpr std::int64_t kMaxAge_us = 1'000'000;  // of messages from peers and planner
 constexpr std::int64_t kMaxBranchAhead_us = 2'000'000;
 constexpr std::int64_t kStatusPeriod_us = 1'000'000;
 
-std::int64_t to_us(double seconds) { return std::llround(seconds * 1e6); }
+std::int64_t to_us(double seconds) {
+  return std::llround(seconds * 1e6);
+}
 
-double wrap_angle(double angle) { return std::remainder(angle, 2 * std::numbers::pi); }
+double wrap_angle(double angle) {
+  return std::remainder(angle, 2 * std::numbers::pi);
+}
 
 }  // namespace
 
 const char* to_string(Rejection rejection) {
-  static constexpr const char* kNames[kNumRejections] = {"none", "no committed", "waiting", "busy",
+  static constexpr const char* kNames[kNumRejections] = {"none", "no committed",  "waiting", "busy",
                                                          "time", "discontinuous", "limits",  "conflict"};
   return kNames[static_cast<int>(rejection)];
 }
@@ -38,12 +42,14 @@ void declare(OptionSet& options, BroadcastConfig& config) {
   options.add("separation", &config.separation_m, 0, 10, "m", "kept between the surfaces of committed motions");
   options.add("announce-period", &config.announce_s, 0.005, 10, "s", "repetition of the announcement");
   options.add("setpoint-rate", &config.setpoint_rate_hz, 1, 1000, "Hz", "of setpoints");
-  options.add("yaw-rate-max", &config.yaw_rate_max, 0, 100, "rad/s", "how fast the robot turns into its direction of flight");
+  options.add("yaw-rate-max", &config.yaw_rate_max, 0, 100, "rad/s",
+              "how fast the robot turns into its direction of flight");
   options.add("clock-limit", &config.clock_limit_s, 0.001, 10, "s", "messages from further in the future are refused");
 }
 
 void verify(const BroadcastConfig& config) {
-  if (config.roster.size() > 49) throw OptionError("--roster: " + std::to_string(config.roster.size()) + " robots; at most 49");
+  if (config.roster.size() > 49)
+    throw OptionError("--roster: " + std::to_string(config.roster.size()) + " robots; at most 49");
 }
 
 BroadcastNode::BroadcastNode(const BroadcastConfig& config, std::int32_t boot)
@@ -59,7 +65,9 @@ BroadcastNode::BroadcastNode(const BroadcastConfig& config, std::int32_t boot)
 }
 
 std::vector<Subscription> BroadcastNode::subscriptions() const {
-  return {{BusId::kOnboard, channel::kRobotState}, {BusId::kOnboard, channel::kCandidate}, {BusId::kSwarm, channel::kTrajectory}};
+  return {{BusId::kOnboard, channel::kRobotState},
+          {BusId::kOnboard, channel::kCandidate},
+          {BusId::kSwarm, channel::kTrajectory}};
 }
 
 void BroadcastNode::on_message(std::int64_t now_us, BusId bus, std::string_view channel,
@@ -82,7 +90,9 @@ Refusal BroadcastNode::on_state(std::int64_t now_us, std::span<const std::uint8_
   sogm_swarm::robot_state_t state;
   if (const Refusal refusal = decode(bytes, &state); refusal != Refusal::kNone) return refusal;
   if (state.header.robot_id != config_.robot_id) return Refusal::kRobot;
-  if (const Refusal refusal = check_time(state.header.utime, now_us, kMaxAge_us, to_us(config_.clock_limit_s)); refusal != Refusal::kNone) return refusal;
+  if (const Refusal refusal = check_time(state.header.utime, now_us, kMaxAge_us, to_us(config_.clock_limit_s));
+      refusal != Refusal::kNone)
+    return refusal;
   if (const Refusal refusal = state_gate_.pass(state.header); refusal != Refusal::kNone) return refusal;
   if (!motion_) {  // the first promise: hover where the robot is
     motion_ = Motion{Trajectory::hover(next_seq_++, now_us, Eigen::Vector3d(state.position)), {}};
@@ -96,7 +106,9 @@ Refusal BroadcastNode::on_candidate(std::int64_t now_us, std::span<const std::ui
   sogm_swarm::candidate_t message;
   if (const Refusal refusal = decode(bytes, &message); refusal != Refusal::kNone) return refusal;
   if (message.header.robot_id != config_.robot_id) return Refusal::kRobot;
-  if (const Refusal refusal = check_time(message.header.utime, now_us, kMaxAge_us, to_us(config_.clock_limit_s)); refusal != Refusal::kNone) return refusal;
+  if (const Refusal refusal = check_time(message.header.utime, now_us, kMaxAge_us, to_us(config_.clock_limit_s));
+      refusal != Refusal::kNone)
+    return refusal;
   if (const Refusal refusal = candidate_gate_.pass(message.header); refusal != Refusal::kNone) return refusal;
   ++candidates_;
   Trajectory candidate = Trajectory::from_wire(message.trajectory);
@@ -113,7 +125,8 @@ Refusal BroadcastNode::on_candidate(std::int64_t now_us, std::span<const std::ui
 
 Rejection BroadcastNode::examine(std::int64_t now_us, const Trajectory& candidate) const {
   if (!motion_) return Rejection::kNoCommitted;
-  if (!std::all_of(peers_.begin(), peers_.end(), [](const auto& entry) { return entry.second.heard; })) return Rejection::kWaiting;
+  if (!std::all_of(peers_.begin(), peers_.end(), [](const auto& entry) { return entry.second.heard; }))
+    return Rejection::kWaiting;
   if (!motion_->next.empty()) return Rejection::kBusy;
   const std::int64_t start = candidate.start_utime();
   if (candidate.empty() || start <= now_us || start > now_us + kMaxBranchAhead_us) return Rejection::kTime;
@@ -124,14 +137,16 @@ Rejection BroadcastNode::examine(std::int64_t now_us, const Trajectory& candidat
   }
   for (std::int64_t t = start; t < candidate.end_utime(); t += 10'000) {
     const MotionState state = candidate.at(t);
-    if (state.velocity.cwiseAbs().maxCoeff() > 1.01 * config_.v_max || state.acceleration.cwiseAbs().maxCoeff() > 1.01 * config_.a_max) {
+    if (state.velocity.cwiseAbs().maxCoeff() > 1.01 * config_.v_max ||
+        state.acceleration.cwiseAbs().maxCoeff() > 1.01 * config_.a_max) {
       return Rejection::kLimits;
     }
   }
   for (const auto& [id, peer] : peers_) {
     if (!free_of(candidate, peer.motion, peer.radius_m)) return Rejection::kConflict;
     const bool promised = !peer.announced.empty() && peer.verdict == ack_t::kAck;
-    if (promised && !free_of(candidate, {peer.motion.committed, peer.announced}, peer.radius_m)) return Rejection::kConflict;
+    if (promised && !free_of(candidate, {peer.motion.committed, peer.announced}, peer.radius_m))
+      return Rejection::kConflict;
   }
   return Rejection::kNone;
 }
@@ -148,7 +163,9 @@ Refusal BroadcastNode::on_peer(std::int64_t now_us, std::span<const std::uint8_t
   if (id == config_.robot_id) return Refusal::kNone;  // multicast returns our own
   const auto entry = peers_.find(id);
   if (entry == peers_.end()) return Refusal::kRobot;
-  if (const Refusal refusal = check_time(message.header.utime, now_us, kMaxAge_us, to_us(config_.clock_limit_s)); refusal != Refusal::kNone) return refusal;
+  if (const Refusal refusal = check_time(message.header.utime, now_us, kMaxAge_us, to_us(config_.clock_limit_s));
+      refusal != Refusal::kNone)
+    return refusal;
   PeerState& peer = entry->second;
   if (const Refusal refusal = peer.gate.pass(message.header); refusal != Refusal::kNone) return refusal;
 
@@ -329,7 +346,8 @@ void BroadcastNode::publish_status(std::int64_t now_us, Outbox& outbox) {
     ++status.peers_heard;
     status.max_age_ms = std::max(status.max_age_ms, 1e-3f * static_cast<float>(now_us - peer.heard_us));
     // Delay and offset cannot be told apart from one direction: this bounds the offset.
-    status.max_clock_offset_ms = std::max(status.max_clock_offset_ms, 1e-3f * static_cast<float>(std::abs(peer.heard_us - peer.utime)));
+    status.max_clock_offset_ms =
+        std::max(status.max_clock_offset_ms, 1e-3f * static_cast<float>(std::abs(peer.heard_us - peer.utime)));
   }
   refused_.copy_to(status.refused);
   outbox.publish(BusId::kOnboard, channel::kBroadcastStatus, status);

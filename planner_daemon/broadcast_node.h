@@ -1,11 +1,12 @@
-// The broadcast daemon's node: owns the committed trajectory, runs the commit protocol with the peers, samples setpoints.
+// The broadcast daemon's node: owns the committed trajectory, runs the commit protocol with the peers, samples
+// setpoints.
 //
 // The protocol, for each pair of robots: the lower id is the holder, the other the asker. A robot announces a pending
-// trajectory P that leaves its committed one C at its start time, and commits it before that time when, for every peer j
-// of the roster, (it holds the pair, or j acknowledged P) and P is free of what it acknowledged of j and, if it
-// holds, free of j's C. An acknowledgement binds until a newer announcement of the peer no longer shows that P. So what an asker
-// flies or may still commit is always known to the holder, whose own commits stay free of it; whatever is delayed or lost,
-// no two committed motions conflict. Every announcement is the whole state, repeated, so losses heal.
+// trajectory P that leaves its committed one C at its start time, and commits it before that time when, for every peer
+// j of the roster, (it holds the pair, or j acknowledged P) and P is free of what it acknowledged of j and, if it
+// holds, free of j's C. An acknowledgement binds until a newer announcement of the peer no longer shows that P. So what
+// an asker flies or may still commit is always known to the holder, whose own commits stay free of it; whatever is
+// delayed or lost, no two committed motions conflict. Every announcement is the whole state, repeated, so losses heal.
 #pragma once
 
 #include <Eigen/Core>
@@ -25,14 +26,14 @@ namespace swarm {
 struct BroadcastConfig {
   int robot_id = 0;
   double radius_m = 0.2;
-  std::vector<int> roster;        // ids of all other robots: nothing is committed before each was heard
-  double v_max = 2.0;             // per axis [m/s]: candidates beyond are rejected
-  double a_max = 6.0;             // per axis [m/s^2]
-  double separation_m = 0.02;     // kept between surfaces of committed motions
-  double announce_s = 0.05;       // repetition of the announcement
+  std::vector<int> roster;     // ids of all other robots: nothing is committed before each was heard
+  double v_max = 2.0;          // per axis [m/s]: candidates beyond are rejected
+  double a_max = 6.0;          // per axis [m/s^2]
+  double separation_m = 0.02;  // kept between surfaces of committed motions
+  double announce_s = 0.05;    // repetition of the announcement
   double setpoint_rate_hz = 100;
-  double yaw_rate_max = 1.5;      // [rad/s]
-  double clock_limit_s = 0.1;     // messages from further in the future are refused
+  double yaw_rate_max = 1.5;   // [rad/s]
+  double clock_limit_s = 0.1;  // messages from further in the future are refused
 };
 
 void declare(OptionSet& options, BroadcastConfig& config);
@@ -79,12 +80,12 @@ class BroadcastNode : public Node {
     std::int64_t seq = 0;
     std::int32_t lost = 0;
     double radius_m = 0.0;
-    Motion motion;                 // what the peer is bound to
-    Trajectory announced;          // its pending trajectory, not yet committed; may be empty
-    std::int64_t stamp = 0;        // of announced
-    std::int32_t judged_seq = 0;   // newest pending trajectory of the peer that was judged here, and the verdict
+    Motion motion;                // what the peer is bound to
+    Trajectory announced;         // its pending trajectory, not yet committed; may be empty
+    std::int64_t stamp = 0;       // of announced
+    std::int32_t judged_seq = 0;  // newest pending trajectory of the peer that was judged here, and the verdict
     std::int8_t verdict = 0;
-    std::int32_t mine_seq = 0;     // newest of ours that the peer judged, and its verdict
+    std::int32_t mine_seq = 0;  // newest of ours that the peer judged, and its verdict
     std::int8_t mine_verdict = 0;
   };
 
@@ -109,14 +110,14 @@ class BroadcastNode : public Node {
   std::array<std::int32_t, kNumRejections> rejected_{};
 
   std::optional<Motion> motion_;
-  Trajectory announced_;            // our pending trajectory while it waits for acknowledgements
+  Trajectory announced_;  // our pending trajectory while it waits for acknowledgements
   std::int64_t stamp_ = 0;
   std::int32_t next_seq_ = 1;
   std::map<int, PeerState> peers_;  // the roster
   SequenceGate state_gate_, candidate_gate_;
   double yaw_ = 0.0;
 
-  bool changed_ = false;            // the announcement has news
+  bool changed_ = false;  // the announcement has news
   std::int64_t next_announce_us_ = 0, next_setpoint_us_ = 0, next_status_us_ = 0;
   std::int32_t candidates_ = 0, commits_ = 0, withdrawn_ = 0;
 };

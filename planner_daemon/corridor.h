@@ -1,4 +1,5 @@
-// Safe corridors (paper section IV-B): one polytope per trajectory piece, free of what the SOGM occupies while the piece is flown.
+// Safe corridors (paper section IV-B): one polytope per trajectory piece, free of what the SOGM occupies while the
+// piece is flown.
 #pragma once
 
 #include <Eigen/Core>
@@ -31,7 +32,8 @@ class CorridorBuilder {
   const Eigen::Matrix3Xd& obstacles() const { return obstacles_; }
 
  private:
-  void extract_surface(const Sogm& blocked, int first_frame, int last_frame, const Eigen::Vector3d& lower, const Eigen::Vector3d& upper);
+  void extract_surface(const Sogm& blocked, int first_frame, int last_frame, const Eigen::Vector3d& lower,
+                       const Eigen::Vector3d& upper);
 
   Eigen::Vector3d space_min_, space_max_;
   CorridorOptions options_;

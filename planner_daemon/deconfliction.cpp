@@ -20,7 +20,8 @@ bool separated_during(const Motion& a, const Motion& b, std::int64_t from, std::
 }  // namespace
 
 bool linearly_separable(const ControlPoints& points, double radius_m) {
-  // Gilbert's iteration towards the hull's point nearest to the origin; any iterate's direction is a valid plane to try.
+  // Gilbert's iteration towards the hull's point nearest to the origin; any iterate's direction is a valid plane to
+  // try.
   Eigen::Vector3d nearest = points.rowwise().mean();
   for (int i = 0; i < 16; ++i) {
     const double norm = nearest.norm();

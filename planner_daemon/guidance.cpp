@@ -35,7 +35,8 @@ void Guidance::close_standing_cells(const Sogm& blocked, double space_min_z, dou
         bool open = bottom + cell_m_ > space_min_z && bottom < space_max_z;
         if (open) {
           open = false;
-          for (int k = 0; k < 8 && !open; ++k) open = !standing(2 * x + (k & 1), 2 * y + (k >> 1 & 1), 2 * z + (k >> 2));
+          for (int k = 0; k < 8 && !open; ++k)
+            open = !standing(2 * x + (k & 1), 2 * y + (k >> 1 & 1), 2 * z + (k >> 2));
         }
         steps_[index(x, y, z)] = open ? kUnknown : kClosed;
       }

@@ -1,5 +1,5 @@
-// Guidance around what stands still: lower bounds of the time to the goal that know walls, so that the search does not run
-// into dead ends between the robot and its goal (the paper names the want of guidance as its weakness, section VI).
+// Guidance around what stands still: lower bounds of the time to the goal that know walls, so that the search does not
+// run into dead ends between the robot and its goal (the paper names the want of guidance as its weakness, section VI).
 #pragma once
 
 #include <Eigen/Core>
@@ -12,12 +12,14 @@ namespace swarm {
 
 class Guidance {
  public:
-  // Breadth-first distances to `goal` over cells of two voxels' edge; a cell is closed when all its voxels are `blocked`
-  // in every frame or lie outside [space_min, space_max] (z only: sideways the flight space is open in practice). Beyond the window
-  // everything counts as open. Returns false, and gives no guidance, when nothing stands still in the window.
+  // Breadth-first distances to `goal` over cells of two voxels' edge; a cell is closed when all its voxels are
+  // `blocked` in every frame or lie outside [space_min, space_max] (z only: sideways the flight space is open in
+  // practice). Beyond the window everything counts as open. Returns false, and gives no guidance, when nothing stands
+  // still in the window.
   bool build(const Sogm& blocked, const Eigen::Vector3d& goal, double space_min_z, double space_max_z);
 
-  // Least time to the goal at `v_max` per axis [s] from a point, by the cell it is in; 0 outside the window and in closed cells.
+  // Least time to the goal at `v_max` per axis [s] from a point, by the cell it is in; 0 outside the window and in
+  // closed cells.
   double time_to_goal(const Eigen::Vector3d& position, double v_max) const;
 
  private:
@@ -30,8 +32,8 @@ class Guidance {
   Eigen::Vector3d corner_ = Eigen::Vector3d::Zero();  // of the window, W [m]
   Eigen::Vector3i size_ = Eigen::Vector3i::Zero();    // cells
   std::vector<std::uint64_t> standing_words_;
-  std::vector<std::int16_t> steps_;                   // Chebyshev steps of one cell to the goal; -1 unknown, -2 closed
-  std::vector<std::vector<std::uint32_t>> buckets_;   // cells by steps
+  std::vector<std::int16_t> steps_;                  // Chebyshev steps of one cell to the goal; -1 unknown, -2 closed
+  std::vector<std::vector<std::uint32_t>> buckets_;  // cells by steps
 };
 
 }  // namespace swarm

@@ -28,9 +28,12 @@ constexpr auto kLater = [](const auto& a, const auto& b) {
 
 const char* to_string(SearchStatus status) {
   switch (status) {
-    case SearchStatus::kGoal: return "goal";
-    case SearchStatus::kSurvives: return "survives";
-    case SearchStatus::kPartial: return "partial";
+    case SearchStatus::kGoal:
+      return "goal";
+    case SearchStatus::kSurvives:
+      return "survives";
+    case SearchStatus::kPartial:
+      return "partial";
   }
   return "?";
 }
@@ -121,7 +124,7 @@ MotionState KinodynamicSearch::propagate(const MotionState& from, const Eigen::V
 }
 
 bool KinodynamicSearch::leaving(int depth, int sample) const {
-  return start_blocked_ && (depth + (sample + 1.0) / kSamples) * tau_ <= options_.leave_s;
+  return problem_.emergency || (start_blocked_ && (depth + (sample + 1.0) / kSamples) * tau_ <= options_.leave_s);
 }
 
 double KinodynamicSearch::zone_cost(const AxisOption& x, const AxisOption& y, const AxisOption& z, int depth) const {
@@ -141,8 +144,16 @@ double KinodynamicSearch::zone_cost(const AxisOption& x, const AxisOption& y, co
   return cost * tau_ / kSamples;
 }
 
+bool KinodynamicSearch::strays(const Eigen::Vector3d& before, const Eigen::Vector3d& position) const {
+  return ((position.array() < limits_.space_min.array() && position.array() < before.array()) ||
+          (position.array() > limits_.space_max.array() && position.array() > before.array()))
+      .any();
+}
+
 bool KinodynamicSearch::free_at(const Eigen::Vector3d& position, std::int64_t utime) const {
-  if (start_blocked_ && utime - problem_.start_utime <= static_cast<std::int64_t>(options_.leave_s * 1e6)) return true;
+  if (problem_.emergency ||
+      (start_blocked_ && utime - problem_.start_utime <= static_cast<std::int64_t>(options_.leave_s * 1e6)))
+    return true;
   const Sogm& blocked = *problem_.blocked;
   return !blocked.occupied(blocked.frame_at(utime), blocked.geometry.voxel_of(position));
 }
@@ -154,17 +165,20 @@ double KinodynamicSearch::axis_time(int axis, double position, double velocity) 
 double KinodynamicSearch::time_to_goal(double x_s, double y_s, double z_s, const Eigen::Vector3d& position) const {
   double longest = std::max({x_s, y_s, z_s});
   const double rest = x_s + y_s + z_s - longest;
-  if (problem_.guidance != nullptr) longest = std::max(longest, problem_.guidance->time_to_goal(position, limits_.v_max));
+  if (problem_.guidance != nullptr)
+    longest = std::max(longest, problem_.guidance->time_to_goal(position, limits_.v_max));
   return longest + 0.05 * rest;  // the slowest axis decides, the others break ties
 }
 
 double KinodynamicSearch::heuristic(const MotionState& state) const {
-  return time_to_goal(axis_time(0, state.position.x(), state.velocity.x()), axis_time(1, state.position.y(), state.velocity.y()),
+  return time_to_goal(axis_time(0, state.position.x(), state.velocity.x()),
+                      axis_time(1, state.position.y(), state.velocity.y()),
                       axis_time(2, state.position.z(), state.velocity.z()), state.position);
 }
 
 bool KinodynamicSearch::seen_before(const MotionState& state, int depth) {
-  const bool slow = state.velocity.cwiseAbs().maxCoeff() < options_.slow_mps;
+  const bool still_blocked = start_blocked_ && depth * tau_ < options_.leave_s;  // every way out counts
+  const bool slow = still_blocked || state.velocity.cwiseAbs().maxCoeff() < options_.slow_mps;
   const double refine = slow ? 3.0 : 1.0;
   std::uint64_t key = mix(slow ? 1 : 0, depth);
   for (int axis = 0; axis < 3; ++axis) {
@@ -190,7 +204,8 @@ void KinodynamicSearch::push(const MotionState& state, double to_goal_s, double 
 
 void KinodynamicSearch::expand(std::int32_t index) {
   const Node node = nodes_[index];
-  const AxisOptions xs = axis_options(0, node.state), ys = axis_options(1, node.state), zs = axis_options(2, node.state);
+  const AxisOptions xs = axis_options(0, node.state), ys = axis_options(1, node.state),
+                    zs = axis_options(2, node.state);
   for (int x = 0; x < xs.count; ++x) {
     for (int y = 0; y < ys.count; ++y) {
       for (int z = 0; z < zs.count; ++z) {
@@ -218,15 +233,17 @@ std::int64_t KinodynamicSearch::brake(const Node& node, SearchResult* result) co
   const Eigen::Vector3d a1 = -drift / (tau_ * (brake_pieces_ - 1));
   std::int64_t first_blocked = kNever;
   MotionState state = node.state;
+  Eigen::Vector3d before = state.position;
   for (int k = 0; k < brake_pieces_; ++k) {
     const bool last = k == brake_pieces_ - 1;
     const Eigen::Vector3d a = last ? Eigen::Vector3d::Zero().eval() : a1;
     const std::int64_t begin = problem_.start_utime + (node.depth + k) * std::int64_t{options_.piece_us};
     for (int i = 0; i < kSamples && first_blocked == kNever; ++i) {
       const std::int64_t utime = begin + (i + 1) * std::int64_t{options_.piece_us} / kSamples;
-      const Eigen::Vector3d position = state.position + weights_[i].v * state.velocity +
-                                       weights_[i].a0 * state.acceleration + weights_[i].a1 * a;
-      if (!free_at(position, utime)) first_blocked = utime;
+      const Eigen::Vector3d position =
+          state.position + weights_[i].v * state.velocity + weights_[i].a0 * state.acceleration + weights_[i].a1 * a;
+      if (!free_at(position, utime) || strays(before, position)) first_blocked = utime;
+      before = position;
     }
     state = propagate(state, a);
     if (last) state.velocity.setZero(), state.acceleration.setZero();
@@ -235,7 +252,8 @@ std::int64_t KinodynamicSearch::brake(const Node& node, SearchResult* result) co
   result->num_pieces = node.depth + brake_pieces_;
   for (int k = result->num_pieces; k < options_.num_pieces; ++k) {
     for (int i = 0; i < kSamples && first_blocked == kNever; ++i) {
-      const std::int64_t utime = problem_.start_utime + (k * kSamples + i + 1) * std::int64_t{options_.piece_us} / kSamples;
+      const std::int64_t utime =
+          problem_.start_utime + (k * kSamples + i + 1) * std::int64_t{options_.piece_us} / kSamples;
       if (!free_at(state.position, utime)) first_blocked = utime;
     }
   }
@@ -257,7 +275,8 @@ bool KinodynamicSearch::shoot(const Node& node, SearchResult* result) const {
       knot = k == pieces ? goal : evaluate_bezier(whole, duration, static_cast<double>(k) / pieces);
       const MotionState& before = k == 1 ? node.state : result->knots[node.depth + k - 1];
       const ControlPoints points = quintic_control_points(before, knot, tau_);
-      ok = max_speed_bound(points, tau_) <= limits_.v_max + 1e-9 && max_acceleration_bound(points, tau_) <= limits_.a_max + 1e-9;
+      ok = max_speed_bound(points, tau_) <= limits_.v_max + 1e-9 &&
+           max_acceleration_bound(points, tau_) <= limits_.a_max + 1e-9;
     }
     if (!ok) continue;
     // Free on the way, and at the goal until the horizon; inside the flight space.
@@ -281,13 +300,14 @@ SearchStatus KinodynamicSearch::find(const SearchProblem& problem, SearchResult*
   problem_ = problem;
   result->expansions = 0;
   result->free_until_utime = kNever;
-  start_blocked_ = false;
-  start_blocked_ = !free_at(problem.start.position, problem.start_utime);
+  const Sogm& blocked = *problem.blocked;
+  start_blocked_ =
+      blocked.occupied(blocked.frame_at(problem.start_utime), blocked.geometry.voxel_of(problem.start.position));
   result->left_blocked = start_blocked_;
   for (int depth = 0; depth < options_.num_pieces; ++depth) {
     for (int i = 0; i < kSamples; ++i) {
       const std::int64_t offset = (depth * kSamples + i + 1) * std::int64_t{options_.piece_us} / kSamples;
-      frames_[depth][i] = problem.blocked->frame_at(problem.start_utime + offset);
+      frames_[depth][i] = blocked.frame_at(problem.start_utime + offset);
     }
   }
   nodes_.clear();
@@ -304,7 +324,9 @@ SearchStatus KinodynamicSearch::find(const SearchProblem& problem, SearchResult*
     if (seen_before(node.state, node.depth)) continue;
     expanded_.push_back(index);
     ++result->expansions;
-    if (node.time_to_goal <= (options_.num_pieces - node.depth) * tau_ && shoot(node, result)) {
+    // A shot does not count the zones it passes: none before blocked space is left.
+    if (!leaving(node.depth, 0) && node.time_to_goal <= (options_.num_pieces - node.depth) * tau_ &&
+        shoot(node, result)) {
       trace_back(index, result);
       return SearchStatus::kGoal;
     }

@@ -2,8 +2,9 @@
 // acceleration, a time-optimal heuristic (Pontryagin), and survival to the horizon as the goal.
 //
 // A primitive lasts one trajectory piece (duration tau) and changes the acceleration from a0 to a1 as
-// a(s) = a0 + (a1 - a0)(2 s - s^2), s in [0, 1]: monotone, so within the bounds when its ends are. A chain of primitives is
-// a C2 quartic spline, hence exactly a `Trajectory` and a feasible point of the optimisation that follows.
+// a(s) = a0 + (a1 - a0)(2 s - s^2), s in [0, 1]: monotone, so within the bounds when its ends are. A chain of
+// primitives is a C2 quartic spline, hence exactly a `Trajectory` and a feasible point of the optimisation that
+// follows.
 #pragma once
 
 #include <Eigen/Core>
@@ -18,25 +19,25 @@
 namespace swarm {
 
 struct SearchLimits {
-  double v_max = 2.0;                                                     // per axis [m/s]
-  double a_max = 6.0;                                                     // per axis [m/s^2]
-  Eigen::Vector3d space_min = Eigen::Vector3d::Constant(-1e3);            // flight space of the robot's centre, W [m]
+  double v_max = 2.0;                                           // per axis [m/s]
+  double a_max = 6.0;                                           // per axis [m/s^2]
+  Eigen::Vector3d space_min = Eigen::Vector3d::Constant(-1e3);  // flight space of the robot's centre, W [m]
   Eigen::Vector3d space_max = Eigen::Vector3d::Constant(1e3);
 };
 
 struct SearchOptions {
-  std::int32_t piece_us = 200'000;   // duration tau of a primitive
-  int num_pieces = 10;               // horizon in primitives, braking to rest included; <= Trajectory::kMaxPieces
-  int max_expansions = 1000;         // the budget, counted
+  std::int32_t piece_us = 200'000;  // duration tau of a primitive
+  int num_pieces = 10;              // horizon in primitives, braking to rest included; <= Trajectory::kMaxPieces
+  int max_expansions = 1000;        // the budget, counted
   double heuristic_weight = 1.5;
-  double cell_m = 0.3;               // closed set: position
-  double cell_mps = 0.9;             // closed set: velocity
-  double slow_mps = 0.6;             // nodes slower than this on every axis manoeuvre in a narrow place: a third of the cells,
-                                     // and axes slower than half of it also a quarter of the acceleration
-  double effort_weight = 0.002;      // cost per |a|^2 [m^2/s^4] and second
-  double near_weight = 1.5;          // cost per second spent in the near zone
-  double leave_s = 0.45;             // a robot that starts in blocked space may take this long to leave it
-  double leave_weight = 30.0;        // cost per second of that; ten times as much in the tight zone and again in contact
+  double cell_m = 0.3;    // closed set: position
+  double cell_mps = 0.9;  // closed set: velocity
+  double slow_mps = 0.6;  // nodes slower than this on every axis manoeuvre in a narrow place: a third of the cells,
+                          // and axes slower than half of it also a quarter of the acceleration
+  double effort_weight = 0.002;  // cost per |a|^2 [m^2/s^4] and second
+  double near_weight = 0.4;      // cost per second spent in the near zone; well below 1, or narrow places are shunned
+  double leave_s = 0.45;         // a robot that starts in blocked space may take this long to leave it
+  double leave_weight = 30.0;    // cost per second of that; ten times as much in the tight zone and again in contact
 };
 
 struct SearchProblem {
@@ -45,10 +46,12 @@ struct SearchProblem {
   Eigen::Vector3d goal = Eigen::Vector3d::Zero();  // W [m]
   const Sogm* blocked = nullptr;                   // configuration space: where the robot's centre may not be
   const Sogm* near = nullptr;                      // where it had rather not be; holds `blocked`; same geometry
-  // Looked at only while leaving blocked space: ever nearer to a touch; each inside the one before; same geometry.
+  // Looked at only while leaving blocked space and in an emergency: ever nearer to a touch; each inside the one before;
+  // same geometry.
   const Sogm* tight = nullptr;
   const Sogm* contact = nullptr;
-  const Guidance* guidance = nullptr;              // around what stands still; null: none
+  bool emergency = false;              // nothing survives: blocked space may be passed, at the cost of leaving it
+  const Guidance* guidance = nullptr;  // around what stands still; null: none
 };
 
 enum class SearchStatus {
@@ -60,13 +63,14 @@ const char* to_string(SearchStatus status);
 
 struct SearchResult {
   std::array<MotionState, Trajectory::kMaxPieces + 1> knots;
-  int num_pieces = 0;               // up to rest: fewer than the horizon when it rests at the goal earlier
+  int num_pieces = 0;                 // up to rest: fewer than the horizon when it rests at the goal earlier
   std::int64_t free_until_utime = 0;  // the path meets blocked space then; INT64_MAX: never within the map
   int expansions = 0;
-  bool left_blocked = false;        // it started in blocked space
+  bool left_blocked = false;  // it started in blocked space
 };
 
-// Time-optimal one-axis motion from (0, v) to rest at `d` under |v| <= v_max, |a| <= a_max [s]: lower bound of the axis' flight time.
+// Time-optimal one-axis motion from (0, v) to rest at `d` under |v| <= v_max, |a| <= a_max [s]: lower bound of the
+// axis' flight time.
 double min_time_to_rest(double d, double v, double v_max, double a_max);
 
 class KinodynamicSearch {
@@ -83,10 +87,10 @@ class KinodynamicSearch {
   static constexpr int kSamples = 8;  // collision checks per primitive
 
   struct AxisOption {
-    double position, velocity, acceleration;      // at the end of the primitive
-    double time_to_goal;                          // min_time_to_rest from there
-    std::array<std::int32_t, kSamples> voxel;     // window index along this axis at each sample
-    bool inside;                                  // stays in the flight space
+    double position, velocity, acceleration;   // at the end of the primitive
+    double time_to_goal;                       // min_time_to_rest from there
+    std::array<std::int32_t, kSamples> voxel;  // window index along this axis at each sample
+    bool inside;                               // stays in the flight space
   };
   struct AxisOptions {
     std::array<AxisOption, 6> option;
@@ -108,6 +112,8 @@ class KinodynamicSearch {
   AxisOptions axis_options(int axis, const MotionState& from) const;
   // Cost of the zones one primitive passes; negative when it is blocked.
   double zone_cost(const AxisOption& x, const AxisOption& y, const AxisOption& z, int depth) const;
+  // Farther outside the flight space than before: a robot outside may only come back.
+  bool strays(const Eigen::Vector3d& before, const Eigen::Vector3d& position) const;
   bool free_at(const Eigen::Vector3d& position, std::int64_t utime) const;
   double axis_time(int axis, double position, double velocity) const;
   // Time to the goal from the axes' times and the guidance.
@@ -118,7 +124,8 @@ class KinodynamicSearch {
   bool seen_before(const MotionState& state, int depth);
   // Quintic from a node to rest at the goal in as few pieces as the limits allow, then hovering there, all free.
   bool shoot(const Node& node, SearchResult* result) const;
-  // Brakes to rest from a node and hovers to the horizon; the knots go to the result. Returns the first blocked time or INT64_MAX.
+  // Brakes to rest from a node and hovers to the horizon; the knots go to the result. Returns the first blocked time or
+  // INT64_MAX.
   std::int64_t brake(const Node& node, SearchResult* result) const;
   // The budget is spent or nothing is left to expand: the node nearest to the goal that can come to rest, or else the
   // motion that stays free the longest.
@@ -132,7 +139,9 @@ class KinodynamicSearch {
   double a_lim_;      // what primitives use of a_max: a little is left for rounding
   int brake_pieces_;  // any reachable state comes to rest in this many primitives
   int max_depth_;     // num_pieces - brake_pieces
-  struct SampleWeights { double v, a0, a1; };  // position after the sample's time: p + v * .. + a0 * .. + a1 * ..
+  struct SampleWeights {
+    double v, a0, a1;
+  };  // position after the sample's time: p + v * .. + a0 * .. + a1 * ..
   std::array<SampleWeights, kSamples> weights_;
 
   SearchProblem problem_;

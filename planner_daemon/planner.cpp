@@ -17,9 +17,12 @@ constexpr std::int64_t kCheckStep_us = 10'000;
 
 const char* to_string(PlanOutcome outcome) {
   switch (outcome) {
-    case PlanOutcome::kSmooth: return "smooth";
-    case PlanOutcome::kRaw: return "raw";
-    case PlanOutcome::kUnsafe: return "unsafe";
+    case PlanOutcome::kSmooth:
+      return "smooth";
+    case PlanOutcome::kRaw:
+      return "raw";
+    case PlanOutcome::kUnsafe:
+      return "unsafe";
   }
   return "?";
 }
@@ -87,20 +90,22 @@ SearchStatus Planner::search(const PlanRequest& request) {
   problem.start = request.own.at(request.start_utime);
   problem.start_utime = request.start_utime;
   problem.goal = request.goal;
-  problem.blocked = free_space_ = &blocked_;
+  problem.blocked = &blocked_;
   problem.near = &near_;
   problem.tight = &tight_;
   problem.contact = &contact_;
   const SearchLimits& limits = config_.limits;
-  if (guidance_.build(blocked_, request.goal, limits.space_min.z(), limits.space_max.z())) problem.guidance = &guidance_;
-  const bool start_blocked = blocked_.occupied(blocked_.frame_at(request.start_utime), blocked_.geometry.voxel_of(problem.start.position));
+  if (guidance_.build(blocked_, request.goal, limits.space_min.z(), limits.space_max.z()))
+    problem.guidance = &guidance_;
+  const bool start_blocked =
+      blocked_.occupied(blocked_.frame_at(request.start_utime), blocked_.geometry.voxel_of(problem.start.position));
   if (start_blocked) dilate_emergency_zones();
   SearchStatus status = search_.find(problem, &path_);
   result_.expansions = path_.expansions;
-  if (status == SearchStatus::kPartial) {  // nothing survives: look again with less clearance
+  if (status == SearchStatus::kPartial) {  // nothing survives: find what comes least near
     if (!start_blocked) dilate_emergency_zones();
-    problem.blocked = free_space_ = &tight_;
-    status = search_.find(problem, &path_);
+    problem.emergency = true;
+    (void)search_.find(problem, &path_);
     result_.expansions += path_.expansions;
   }
   return status;
@@ -108,11 +113,12 @@ SearchStatus Planner::search(const PlanRequest& request) {
 
 bool Planner::grow_corridors(const PlanRequest& request) {
   const double h = config_.search.piece_us * 1e-6;
+  if (result_.search_status == SearchStatus::kPartial) return false;
   problem_.corridors.resize(static_cast<std::size_t>(path_.num_pieces));
   for (int k = 0; k < path_.num_pieces; ++k) {
     const std::int64_t from = request.start_utime + k * std::int64_t{config_.search.piece_us};
     const ControlPoints piece = quintic_control_points(path_.knots[k], path_.knots[k + 1], h);
-    const FiriStatus status = corridors_.build(piece, *free_space_, from, from + config_.search.piece_us,
+    const FiriStatus status = corridors_.build(piece, blocked_, from, from + config_.search.piece_us,
                                                &problem_.corridors[static_cast<std::size_t>(k)]);
     if (status != FiriStatus::kGrown) return false;
   }
@@ -173,8 +179,7 @@ void Planner::check(const PlanRequest& request, bool smoothed, const Trajectory&
   const std::int64_t from = request.start_utime;
   const std::int64_t left = from + (path_.left_blocked ? std::llround(config_.search.leave_s * 1e6) : 0);
   const bool safe = result_.search_status != SearchStatus::kPartial;
-  if (safe && smoothed && within_limits(smooth) &&
-      first_blocked({smooth, {}}, *free_space_, left) == kNever) {
+  if (safe && smoothed && within_limits(smooth) && first_blocked({smooth, {}}, blocked_, left) == kNever) {
     result_.outcome = PlanOutcome::kSmooth;
     result_.trajectory = smooth;
     result_.fly = true;
@@ -183,8 +188,8 @@ void Planner::check(const PlanRequest& request, bool smoothed, const Trajectory&
   result_.trajectory = raw_trajectory(from);
   result_.outcome = safe ? PlanOutcome::kRaw : PlanOutcome::kUnsafe;
   result_.fly = true;
-  if (!safe) {  // the motion already flown may last longer
-    result_.fly = path_.free_until_utime > first_blocked(request.own, *free_space_, left);
+  if (!safe) {  // the motion already flown may stay without a touch for longer
+    result_.fly = first_blocked({result_.trajectory, {}}, contact_, from) >= first_blocked(request.own, contact_, from);
   }
 }
 

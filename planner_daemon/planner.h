@@ -15,12 +15,12 @@
 namespace swarm {
 
 struct PlannerConfig {
-  double radius_m = 0.2;        // of the robot's sphere
-  double clearance_m = 0.1;     // free: farther than radius + clearance from every occupied voxel's centre
-  double tight_m = 0.03;        // the clearance when nothing survives with the full one
-  double contact_m = 0.04;      // a voxel's centre this far inside the radius means a touch
-  double comfort_m = 0.15;      // beyond the clearance: avoided where that costs little
-  SearchLimits limits;          // flight space: of the robot's centre
+  double radius_m = 0.2;     // of the robot's sphere
+  double clearance_m = 0.1;  // free: farther than radius + clearance from every occupied voxel's centre
+  double tight_m = 0.03;     // in an emergency: the clearance that is still given up last before a touch
+  double contact_m = 0.04;   // a voxel's centre this far inside the radius means a touch
+  double comfort_m = 0.15;   // beyond the clearance: avoided where that costs little
+  SearchLimits limits;       // flight space: of the robot's centre
   SearchOptions search;
   CorridorOptions corridor;
 };
@@ -32,9 +32,9 @@ struct Peer {
 };
 
 struct PlanRequest {
-  const Sogm* sogm = nullptr;        // obstacles only, not dilated
-  Motion own;                        // what this robot is bound to
-  std::int64_t start_utime = 0;      // the plan leaves the own motion here
+  const Sogm* sogm = nullptr;    // obstacles only, not dilated
+  Motion own;                    // what this robot is bound to
+  std::int64_t start_utime = 0;  // the plan leaves the own motion here
   Eigen::Vector3d goal = Eigen::Vector3d::Zero();
   const std::vector<Peer>* peers = nullptr;
 };
@@ -42,7 +42,7 @@ struct PlanRequest {
 enum class PlanOutcome {
   kSmooth,  // the optimised trajectory
   kRaw,     // the search's own path: smoothing was not possible or not safe
-  kUnsafe,  // nothing survives: the motion that stays free the longest, which may be the one already flown
+  kUnsafe,  // nothing survives: the motion that comes least near, which may be the one already flown
 };
 const char* to_string(PlanOutcome outcome);
 
@@ -69,7 +69,8 @@ class Planner {
 
   const PlanResult& plan(const PlanRequest& request);
 
-  // First time from `from_utime` on at which the motion enters `blocked`, or INT64_MAX (fine sampling, hover tail included).
+  // First time from `from_utime` on at which the motion enters `blocked`, or INT64_MAX (fine sampling, hover tail
+  // included).
   static std::int64_t first_blocked(const Motion& motion, const Sogm& blocked, std::int64_t from_utime);
 
  private:
@@ -93,7 +94,6 @@ class Planner {
   SplineProblem problem_;
   SplineSolution solution_;
   Sogm occupied_, blocked_, near_, tight_, contact_;
-  const Sogm* free_space_ = nullptr;  // what the newest search used: blocked_ or tight_
   SearchResult path_;
   PlanResult result_;
 };

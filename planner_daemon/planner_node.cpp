@@ -16,7 +16,9 @@ constexpr std::int64_t kMaxAge_us = 1'000'000;
 constexpr std::int64_t kStatusPeriod_us = 1'000'000;
 constexpr std::size_t kMaxPeers = 64;
 
-std::int64_t to_us(double seconds) { return std::llround(seconds * 1e6); }
+std::int64_t to_us(double seconds) {
+  return std::llround(seconds * 1e6);
+}
 
 // An announcement says what its robot is bound to, and what it would like to be.
 void read_announcement(const announcement_t& message, Motion* motion, Trajectory* announced) {
@@ -32,18 +34,27 @@ void declare(OptionSet& options, PlannerNodeConfig& config) {
   PlannerConfig& planner = config.planner;
   options.add("robot-id", &config.robot_id, 0, 32767, "", "this robot");
   options.add("radius", &planner.radius_m, 0.01, 10, "m", "of the sphere that holds the robot");
-  options.add("clearance", &planner.clearance_m, 0, 5, "m", "beyond the radius, to occupied voxels: free space of search, corridor and check");
-  options.add("tight-clearance", &planner.tight_m, 0, 5, "m", "the same, when nothing survives with the full clearance");
+  options.add("clearance", &planner.clearance_m, 0, 5, "m",
+              "beyond the radius, to occupied voxels: free space of search, corridor and check");
+  options.add("tight-clearance", &planner.tight_m, 0, 5, "m",
+              "in an emergency, when nothing survives: given up last before a touch");
   options.add("comfort", &planner.comfort_m, 0, 5, "m", "beyond the clearance: avoided where that costs little time");
   options.add("v-max", &planner.limits.v_max, 0.01, 100, "m/s", "speed limit per axis");
   options.add("a-max", &planner.limits.a_max, 0.01, 1000, "m/s^2", "acceleration limit per axis");
-  options.add("space-min", &planner.limits.space_min, -1e5, 1e5, "m", "flight space of the robot's centre, lower corner");
-  options.add("space-max", &planner.limits.space_max, -1e5, 1e5, "m", "flight space of the robot's centre, upper corner");
-  options.add("piece-us", &planner.search.piece_us, 10'000, 10'000'000, "us", "duration of a motion primitive and trajectory piece");
-  options.add("pieces", &planner.search.num_pieces, 2, Trajectory::kMaxPieces, "", "horizon in pieces, braking to rest included");
+  options.add("space-min", &planner.limits.space_min, -1e5, 1e5, "m",
+              "flight space of the robot's centre, lower corner");
+  options.add("space-max", &planner.limits.space_max, -1e5, 1e5, "m",
+              "flight space of the robot's centre, upper corner");
+  options.add("piece-us", &planner.search.piece_us, 10'000, 10'000'000, "us",
+              "duration of a motion primitive and trajectory piece");
+  options.add("pieces", &planner.search.num_pieces, 2, Trajectory::kMaxPieces, "",
+              "horizon in pieces, braking to rest included");
   options.add("max-expansions", &planner.search.max_expansions, 10, 100'000, "", "budget of the search");
+  options.add("near-weight", &planner.search.near_weight, 0, 100, "",
+              "cost of a second within the comfort distance, in seconds of flight");
   options.add("corridor-reach", &planner.corridor.reach_m, 0.1, 10, "m", "how far a corridor reaches beyond its piece");
-  options.add("lead", &config.lead_s, 0.005, 2, "s", "a plan leaves the committed motion this long after planning starts");
+  options.add("lead", &config.lead_s, 0.005, 2, "s",
+              "a plan leaves the committed motion this long after planning starts");
   options.add("period", &config.period_s, 0, 10, "s", "least time between plans; every newer map is planned with");
   options.add("stale-map", &config.stale_map_s, 0.05, 10, "s", "an older map is not planned with");
   options.add("clock-limit", &config.clock_limit_s, 0.001, 10, "s", "messages from further in the future are refused");
@@ -56,7 +67,8 @@ void verify(const PlannerNodeConfig& config) {
       throw OptionError("--space-min: must be below --space-max on every axis");
     }
   }
-  if (config.planner.tight_m > config.planner.clearance_m) throw OptionError("--tight-clearance: must be at most --clearance");
+  if (config.planner.tight_m > config.planner.clearance_m)
+    throw OptionError("--tight-clearance: must be at most --clearance");
   try {
     KinodynamicSearch probe(limits, config.planner.search);
   } catch (const std::invalid_argument& error) {
@@ -64,7 +76,8 @@ void verify(const PlannerNodeConfig& config) {
   }
 }
 
-PlannerNode::PlannerNode(const PlannerNodeConfig& config, std::int32_t boot, Planner::Stopwatch stopwatch, bool publish_durations)
+PlannerNode::PlannerNode(const PlannerNodeConfig& config, std::int32_t boot, Planner::Stopwatch stopwatch,
+                         bool publish_durations)
     : config_(config),
       publish_durations_(publish_durations),
       planner_((verify(config), config.planner), std::move(stopwatch)),
@@ -79,7 +92,8 @@ std::vector<Subscription> PlannerNode::subscriptions() const {
           {BusId::kOnboard, channel::kGoal}};
 }
 
-void PlannerNode::on_message(std::int64_t now_us, BusId, std::string_view channel, std::span<const std::uint8_t> bytes, Outbox&) {
+void PlannerNode::on_message(std::int64_t now_us, BusId, std::string_view channel, std::span<const std::uint8_t> bytes,
+                             Outbox&) {
   Refusal refusal = Refusal::kNone;
   if (channel == channel::kSogm) {
     refusal = on_sogm(now_us, bytes);
@@ -97,7 +111,9 @@ Refusal PlannerNode::on_sogm(std::int64_t now_us, std::span<const std::uint8_t> 
   sogm_swarm::sogm_t part;
   if (const Refusal refusal = decode(bytes, &part); refusal != Refusal::kNone) return refusal;
   if (part.header.robot_id != config_.robot_id) return Refusal::kRobot;
-  if (const Refusal refusal = check_time(part.header.utime, now_us, kMaxAge_us, to_us(config_.clock_limit_s)); refusal != Refusal::kNone) return refusal;
+  if (const Refusal refusal = check_time(part.header.utime, now_us, kMaxAge_us, to_us(config_.clock_limit_s));
+      refusal != Refusal::kNone)
+    return refusal;
   const Assembly assembly = assembler_.add(part, &map_);
   if (assembly.status == AssemblyStatus::kComplete) {
     if (map_is_new_) ++missed_;
@@ -121,7 +137,9 @@ Refusal PlannerNode::on_peer(std::int64_t now_us, std::span<const std::uint8_t> 
   if (const Refusal refusal = decode(bytes, &message); refusal != Refusal::kNone) return refusal;
   const int id = message.header.robot_id;
   if (id == config_.robot_id || (!peers_.contains(id) && peers_.size() == kMaxPeers)) return Refusal::kRobot;
-  if (const Refusal refusal = check_time(message.header.utime, now_us, kMaxAge_us, to_us(config_.clock_limit_s)); refusal != Refusal::kNone) return refusal;
+  if (const Refusal refusal = check_time(message.header.utime, now_us, kMaxAge_us, to_us(config_.clock_limit_s));
+      refusal != Refusal::kNone)
+    return refusal;
   PeerEntry& entry = peers_[id];
   if (const Refusal refusal = entry.gate.pass(message.header); refusal != Refusal::kNone) return refusal;
   read_announcement(message, &entry.peer.motion, &entry.peer.announced);
@@ -154,10 +172,14 @@ std::int64_t PlannerNode::step(std::int64_t now_us, Outbox& outbox) {
   }
   if (now_us >= next_status_us_) {
     std::int16_t state = planner_status_t::kPlanning;
-    if (!has_map) state = planner_status_t::kNoMap;
-    else if (stale) state = planner_status_t::kStaleMap;
-    else if (!own_) state = planner_status_t::kNoCommitted;
-    else if (!goal_) state = planner_status_t::kNoGoal;
+    if (!has_map)
+      state = planner_status_t::kNoMap;
+    else if (stale)
+      state = planner_status_t::kStaleMap;
+    else if (!own_)
+      state = planner_status_t::kNoCommitted;
+    else if (!goal_)
+      state = planner_status_t::kNoGoal;
     publish_status(now_us, state, outbox);
     wake = std::min(wake, next_status_us_);
   }
@@ -224,7 +246,8 @@ void PlannerNode::publish_status(std::int64_t now_us, std::int16_t state, Outbox
     status.outcome = static_cast<std::int16_t>(newest_->outcome);
     status.expansions = newest_->expansions;
     if (publish_durations_) {
-      float* const step_ms[kNumPlanSteps] = {&status.compose_ms, &status.search_ms, &status.corridor_ms, &status.optimize_ms, &status.check_ms};
+      float* const step_ms[kNumPlanSteps] = {&status.compose_ms, &status.search_ms, &status.corridor_ms,
+                                             &status.optimize_ms, &status.check_ms};
       for (std::size_t i = 0; i < kNumPlanSteps; ++i) {
         *step_ms[i] = static_cast<float>(newest_->step_ms[i]);
         status.total_ms += *step_ms[i];

@@ -18,10 +18,10 @@ namespace swarm {
 struct PlannerNodeConfig {
   int robot_id = 0;
   PlannerConfig planner;
-  double lead_s = 0.035;        // a plan leaves the committed motion this long after planning starts
-  double period_s = 0.04;       // least time between plans
-  double stale_map_s = 0.35;    // an older SOGM is not planned with
-  double clock_limit_s = 0.1;   // messages from further in the future are refused
+  double lead_s = 0.035;       // a plan leaves the committed motion this long after planning starts
+  double period_s = 0.04;      // least time between plans
+  double stale_map_s = 0.35;   // an older SOGM is not planned with
+  double clock_limit_s = 0.1;  // messages from further in the future are refused
 };
 
 void declare(OptionSet& options, PlannerNodeConfig& config);
@@ -31,7 +31,8 @@ void verify(const PlannerNodeConfig& config);
 class PlannerNode : public Node {
  public:
   // `boot`: grows at every start. `stopwatch` null: messages carry zero durations.
-  PlannerNode(const PlannerNodeConfig& config, std::int32_t boot, Planner::Stopwatch stopwatch, bool publish_durations = true);
+  PlannerNode(const PlannerNodeConfig& config, std::int32_t boot, Planner::Stopwatch stopwatch,
+              bool publish_durations = true);
 
   std::vector<Subscription> subscriptions() const override;
   void on_message(std::int64_t now_us, BusId bus, std::string_view channel, std::span<const std::uint8_t> bytes,
@@ -59,7 +60,7 @@ class PlannerNode : public Node {
   RefusalCounts refused_;
   HeaderSource candidate_headers_, corridor_headers_, status_headers_;
 
-  Sogm map_;  // the newest complete one
+  Sogm map_;                 // the newest complete one
   bool map_is_new_ = false;  // not planned with yet
   std::optional<Motion> own_;
   std::optional<Eigen::Vector3d> goal_;

@@ -8,7 +8,7 @@ namespace swarm {
 // Points p with normals.row(i) . p <= offsets(i) for all i. Normals have unit length and point outwards; W [m].
 struct Polytope {
   Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor> normals;  // faces x 3
-  Eigen::VectorXd offsets;                                           // faces
+  Eigen::VectorXd offsets;                                            // faces
 
   int num_faces() const { return static_cast<int>(offsets.size()); }
   // Largest violation of any face by `p` [m]; negative inside.

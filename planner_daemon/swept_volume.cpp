@@ -10,7 +10,8 @@ namespace {
 void mark_capsule(const Eigen::Vector3d& from, const Eigen::Vector3d& to, double radius, int frame, Sogm* sogm) {
   const GridGeometry& grid = sogm->geometry;
   const Eigen::Vector3i low = grid.voxel_of(from.cwiseMin(to).array() - radius).cwiseMax(0);
-  const Eigen::Vector3i high = grid.voxel_of(from.cwiseMax(to).array() + radius).cwiseMin(grid.size - Eigen::Vector3i::Ones());
+  const Eigen::Vector3i high =
+      grid.voxel_of(from.cwiseMax(to).array() + radius).cwiseMin(grid.size - Eigen::Vector3i::Ones());
   const Eigen::Vector3d along = to - from;
   const double inverse_length2 = 1.0 / std::max(along.squaredNorm(), 1e-12);
   for (int x = low.x(); x <= high.x(); ++x) {

@@ -7,8 +7,8 @@
 namespace swarm {
 
 // Marks in every frame the voxels whose centre comes within `radius_m` of the motion during the frame's interval, hover
-// tail included. Conservative: each span of the curve is covered by its chord, widened by how far its control points lie
-// from the chord, so the hull of the span and with it the curve is inside.
+// tail included. Conservative: each span of the curve is covered by its chord, widened by how far its control points
+// lie from the chord, so the hull of the span and with it the curve is inside.
 void mark_swept_volume(const Motion& motion, double radius_m, Sogm* sogm);
 
 }  // namespace swarm

@@ -117,7 +117,8 @@ ControlPoints control_points_between(const Motion& motion, std::int64_t from_uti
   // Both ends must come from the trajectory in force during the interval: its right end may be the start of the next.
   const bool on_next = !motion.next.empty() && from_utime >= motion.next.start_utime();
   const Trajectory& trajectory = on_next ? motion.next : motion.committed;
-  return quintic_control_points(trajectory.at(from_utime), trajectory.at(to_utime), 1e-6 * static_cast<double>(to_utime - from_utime));
+  return quintic_control_points(trajectory.at(from_utime), trajectory.at(to_utime),
+                                1e-6 * static_cast<double>(to_utime - from_utime));
 }
 
 }  // namespace swarm

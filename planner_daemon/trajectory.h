@@ -1,5 +1,6 @@
-// A committed trajectory: a C2 quintic spline that ends at rest (paper section IV-C; degree 5 instead of 4, so that position,
-// velocity and acceleration at the knots determine it and C2 holds by construction, also after quantisation on the wire).
+// A committed trajectory: a C2 quintic spline that ends at rest (paper section IV-C; degree 5 instead of 4, so that
+// position, velocity and acceleration at the knots determine it and C2 holds by construction, also after quantisation
+// on the wire).
 #pragma once
 
 #include <Eigen/Core>

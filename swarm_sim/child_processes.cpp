@@ -61,9 +61,9 @@ std::optional<std::string> ChildProcesses::find_ended() {
   for (auto child = children_.begin(); child != children_.end(); ++child) {
     int status = 0;
     if (::waitpid(child->pid, &status, WNOHANG) != child->pid) continue;
-    const std::string how = WIFSIGNALED(status)
-                                ? "killed by signal " + std::to_string(WTERMSIG(status)) + " (" + ::strsignal(WTERMSIG(status)) + ")"
-                                : "ended with exit code " + std::to_string(WEXITSTATUS(status));
+    const std::string how = WIFSIGNALED(status) ? "killed by signal " + std::to_string(WTERMSIG(status)) + " (" +
+                                                      ::strsignal(WTERMSIG(status)) + ")"
+                                                : "ended with exit code " + std::to_string(WEXITSTATUS(status));
     const std::string words = last_line(child->log);
     const std::string text = child->name + ": " + how + (words.empty() ? "" : "; its last words: " + words);
     children_.erase(child);

@@ -16,7 +16,8 @@ constexpr std::int64_t kEpoch_us = 1'000'000'000'000'000;  // simulated time of 
 constexpr std::int64_t kGoalPeriod_us = 1'000'000;
 
 std::int64_t steady_ns() {
-  return std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::steady_clock::now().time_since_epoch()).count();
+  return std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::steady_clock::now().time_since_epoch())
+      .count();
 }
 
 using Bytes = std::shared_ptr<const std::vector<std::uint8_t>>;
@@ -64,7 +65,7 @@ class LockstepHost {
     MapNode map;
     PlannerNode planner;
     BroadcastNode broadcast;
-    std::vector<double> step_ms[kPlanningSteps.size()] = {};
+    PlanningSamples step_ms;
     int plans_seen = 0;
 
     Node& node(std::size_t n) {
@@ -179,15 +180,11 @@ class LockstepHost {
   }
 
   RunReport report(double wall_s) const {
-    RunReport report;
-    report.world = world_.name;
-    report.mode = "lockstep";
-    report.outcome = simulation_.judge().outcome();
-    report.touches = simulation_.judge().touches();
-    report.duration_s = 1e-6 * static_cast<double>(now_us_ - kEpoch_us);
-    report.wall_s = wall_s;
+    std::vector<PlanningSamples> planning;
+    for (const RobotNodes& robot : robots_) planning.push_back(robot.step_ms);
+    RunReport report = make_report(world_.name, "lockstep", simulation_.judge(),
+                                   1e-6 * static_cast<double>(now_us_ - kEpoch_us), wall_s, planning);
     report.channels.insert(channels_.begin(), channels_.end());
-    std::vector<double> step_ms[kPlanningSteps.size()];
     for (std::size_t r = 0; r < robots_.size(); ++r) {
       const RobotNodes& nodes = robots_[r];
       RobotReport robot;
@@ -197,14 +194,11 @@ class LockstepHost {
       robot.missed = nodes.planner.missed();
       for (std::size_t i = 1; i < robot.refused.size(); ++i) {
         const auto reason = static_cast<Refusal>(i);
-        robot.refused[i] = nodes.map.refused()[reason] + nodes.planner.refused()[reason] + nodes.broadcast.refused()[reason];
-      }
-      for (std::size_t i = 0; i < kPlanningSteps.size(); ++i) {
-        step_ms[i].insert(step_ms[i].end(), nodes.step_ms[i].begin(), nodes.step_ms[i].end());
+        robot.refused[i] =
+            nodes.map.refused()[reason] + nodes.planner.refused()[reason] + nodes.broadcast.refused()[reason];
       }
       report.robots.push_back(robot);
     }
-    for (std::size_t i = 0; i < kPlanningSteps.size(); ++i) report.planning[i] = timing_stats(step_ms[i]);
     return report;
   }
 
@@ -227,7 +221,8 @@ class LockstepHost {
 }  // namespace
 
 RunReport run_lockstep(const World& world, const OccupiedCubes* static_map, const FlightOptions& options,
-                       const LockstepDelays& delays, BusLog* logs, TraceWriter* trace, const ProgressCallback& progress) {
+                       const LockstepDelays& delays, BusLog* logs, TraceWriter* trace,
+                       const ProgressCallback& progress) {
   LockstepHost host(world, static_map, options, delays, logs, trace);
   return host.run(progress);
 }

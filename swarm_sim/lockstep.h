@@ -1,5 +1,6 @@
-// Lock-step host: every robot's three nodes and the simulation in one process, on a simulated clock and simulated buses.
-// Events run in the order (time, node, sequence), so the same world and options give the same bytes on the buses.
+// Lock-step host: every robot's three nodes and the simulation in one process, on a simulated clock and simulated
+// buses. Events run in the order (time, node, sequence), so the same world and options give the same bytes on the
+// buses.
 #pragma once
 
 #include <cstdint>
@@ -25,6 +26,7 @@ using ProgressCallback = std::function<bool(double t_s, const Simulation&)>;
 
 // Flies `world` to its end. `logs` and `trace` may be null.
 RunReport run_lockstep(const World& world, const OccupiedCubes* static_map, const FlightOptions& options,
-                       const LockstepDelays& delays, BusLog* logs, TraceWriter* trace, const ProgressCallback& progress);
+                       const LockstepDelays& delays, BusLog* logs, TraceWriter* trace,
+                       const ProgressCallback& progress);
 
 }  // namespace swarm

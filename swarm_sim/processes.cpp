@@ -25,8 +25,8 @@ constexpr std::int64_t kGoalPeriod_us = 1'000'000;
 constexpr std::int64_t kReadyTimeout_us = 20'000'000;
 
 constexpr const char* kOnboardChannels[] = {
-    channel::kRobotState, channel::kObstacles,     channel::kObstacleVoxels, channel::kGoal,      channel::kSogm,
-    channel::kCandidate,  channel::kOwnTrajectory, channel::kPeerTrajectory, channel::kSetpoint,  channel::kCorridors,
+    channel::kRobotState, channel::kObstacles,     channel::kObstacleVoxels, channel::kGoal,     channel::kSogm,
+    channel::kCandidate,  channel::kOwnTrajectory, channel::kPeerTrajectory, channel::kSetpoint, channel::kCorridors,
     channel::kMapStatus,  channel::kPlannerStatus, channel::kBroadcastStatus};
 
 // Removes itself and what it holds.
@@ -54,7 +54,7 @@ struct World4D {
   Simulation& simulation;
   const std::function<void(double, const Simulation&)>& progress;
   RealtimeHost& host;
-  std::int64_t now_us;                 // last tick that was simulated
+  std::int64_t now_us;                   // last tick that was simulated
   std::optional<std::int64_t> start_us;  // world time 0
 
   double t_s(std::int64_t utime) const { return start_us ? 1e-6 * static_cast<double>(utime - *start_us) : -1.0; }
@@ -79,8 +79,14 @@ struct World4D {
 // What surrounds one robot: its sensors and its flight controller, on its onboard bus; and the recorder of that bus.
 class RobotEnvironment : public Node {
  public:
-  RobotEnvironment(World4D& world, std::size_t index, int id, std::int64_t sensor_period_us, bool hears_swarm, BusLog* logs)
-      : world_(world), index_(index), id_(id), sensor_period_us_(sensor_period_us), hears_swarm_(hears_swarm), logs_(logs) {}
+  RobotEnvironment(World4D& world, std::size_t index, int id, std::int64_t sensor_period_us, bool hears_swarm,
+                   BusLog* logs)
+      : world_(world),
+        index_(index),
+        id_(id),
+        sensor_period_us_(sensor_period_us),
+        hears_swarm_(hears_swarm),
+        logs_(logs) {}
 
   std::vector<Subscription> subscriptions() const override {
     std::vector<Subscription> all;
@@ -89,16 +95,21 @@ class RobotEnvironment : public Node {
     return all;
   }
 
-  void on_message(std::int64_t now_us, BusId bus, std::string_view channel, std::span<const std::uint8_t> bytes, Outbox&) override {
+  void on_message(std::int64_t now_us, BusId bus, std::string_view channel, std::span<const std::uint8_t> bytes,
+                  Outbox&) override {
     if (logs_ != nullptr) logs_->write(bus, id_, now_us, channel, bytes);
     ChannelCount& count = channels_[std::string(channel)];
     ++count.messages;
     count.bytes += static_cast<std::int64_t>(bytes.size());
     if (bus == BusId::kSwarm) return;
-    if (channel == channel::kSetpoint) world_.simulation.on_setpoint(index_, bytes);
-    else if (channel == channel::kMapStatus) read(bytes, &map_status_);
-    else if (channel == channel::kBroadcastStatus) read(bytes, &broadcast_status_);
-    else if (channel == channel::kPlannerStatus && read(bytes, &planner_status_)) note_plan();
+    if (channel == channel::kSetpoint)
+      world_.simulation.on_setpoint(index_, bytes);
+    else if (channel == channel::kMapStatus)
+      read(bytes, &map_status_);
+    else if (channel == channel::kBroadcastStatus)
+      read(bytes, &broadcast_status_);
+    else if (channel == channel::kPlannerStatus && read(bytes, &planner_status_))
+      note_plan();
   }
 
   std::int64_t step(std::int64_t now_us, Outbox& outbox) override {
@@ -110,7 +121,8 @@ class RobotEnvironment : public Node {
     const double t_s = world_.t_s(last_tick_us_);
     if (phase / sensor_period_us_ != last_detection_) {
       last_detection_ = phase / sensor_period_us_;
-      outbox.publish(BusId::kOnboard, channel::kObstacles, world_.simulation.obstacles_message(index_, t_s, last_tick_us_));
+      outbox.publish(BusId::kOnboard, channel::kObstacles,
+                     world_.simulation.obstacles_message(index_, t_s, last_tick_us_));
     }
     outbox.publish(BusId::kOnboard, channel::kRobotState, world_.simulation.state_message(index_, last_tick_us_));
     if (t_s >= 0.0 && last_tick_us_ >= next_goal_us_) {
@@ -124,7 +136,8 @@ class RobotEnvironment : public Node {
   std::string missing() const {
     using namespace sogm_swarm;
     if (broadcast_status_.header.utime == 0) return "broadcast_daemon: no status";
-    if (broadcast_status_.state != broadcast_status_t::kFlying) return "broadcast_daemon: waits for the robot's state or for peers";
+    if (broadcast_status_.state != broadcast_status_t::kFlying)
+      return "broadcast_daemon: waits for the robot's state or for peers";
     if (map_status_.header.utime == 0) return "map_daemon: no status";
     if (planner_status_.plans == 0) return "planner_daemon: no plan";
     return "";
@@ -132,7 +145,7 @@ class RobotEnvironment : public Node {
 
   int id() const { return id_; }
   const std::map<std::string, ChannelCount, std::less<>>& channels() const { return channels_; }
-  const std::vector<double>& step_ms(std::size_t step) const { return step_ms_[step]; }
+  const PlanningSamples& step_ms() const { return step_ms_; }
   // Whatever the daemons counted before the start of the world is not the flight's.
   void mark_start() { plans_before_ = planner_status_.plans, missed_before_ = planner_status_.missed; }
 
@@ -177,13 +190,14 @@ class RobotEnvironment : public Node {
   sogm_swarm::planner_status_t planner_status_{};
   sogm_swarm::broadcast_status_t broadcast_status_{};
   std::int32_t plans_seen_ = 0, plans_before_ = 0, missed_before_ = 0;
-  std::array<std::vector<double>, kPlanningSteps.size()> step_ms_;
+  PlanningSamples step_ms_;
   std::map<std::string, ChannelCount, std::less<>> channels_;
 };
 
 // A daemon's config file: what its --print-config would print.
 template <class Config>
-void write_config(Config config, const std::string& onboard_url, const std::string* swarm_url, const std::filesystem::path& file) {
+void write_config(Config config, const std::string& onboard_url, const std::string* swarm_url,
+                  const std::filesystem::path& file) {
   OptionSet options("", "");
   declare(options, config);
   std::ostringstream text;
@@ -195,8 +209,12 @@ void write_config(Config config, const std::string& onboard_url, const std::stri
 }
 
 // All robots are on this computer: nothing of them leaves it.
-std::string onboard_url(int port) { return "udpm://239.255.76.67:" + std::to_string(port) + "?ttl=0"; }
-std::string swarm_url(int port) { return "udpm://239.255.76.68:" + std::to_string(port) + "?ttl=0"; }
+std::string onboard_url(int port) {
+  return "udpm://239.255.76.67:" + std::to_string(port) + "?ttl=0";
+}
+std::string swarm_url(int port) {
+  return "udpm://239.255.76.68:" + std::to_string(port) + "?ttl=0";
+}
 
 // Two swarms on the same ports would fly each other's trajectories.
 void refuse_used_bus(const std::string& url) {
@@ -238,7 +256,8 @@ RunReport run_processes(const World& world, const OccupiedCubes* static_map, con
   for (std::size_t i = 0; i < world.robots.size(); ++i) {
     const WorldRobot& robot = world.robots[i];
     const std::string onboard = onboard_url(processes.base_port + 33 + robot.id);
-    robots.push_back(std::make_unique<RobotEnvironment>(clock, i, robot.id, std::llround(1e6 / options.sensor_rate_hz), i == 0, logs));
+    robots.push_back(std::make_unique<RobotEnvironment>(clock, i, robot.id, std::llround(1e6 / options.sensor_rate_hz),
+                                                        i == 0, logs));
     host.add("robot " + std::to_string(robot.id), *robots.back(), onboard, i == 0 ? swarm : "");
 
     const auto file = [&](const char* daemon, const char* ending) {
@@ -282,14 +301,11 @@ RunReport run_processes(const World& world, const OccupiedCubes* static_map, con
   if (failure) throw std::runtime_error(*failure);
   if (!simulation.judge().finished()) throw Interrupted();
 
-  RunReport report;
-  report.world = world.name;
-  report.mode = "processes";
-  report.outcome = simulation.judge().outcome();
-  report.touches = simulation.judge().touches();
-  report.duration_s = clock.t_s(clock.now_us);
-  report.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
-  std::array<std::vector<double>, kPlanningSteps.size()> step_ms;
+  std::vector<PlanningSamples> planning;
+  for (const auto& robot : robots) planning.push_back(robot->step_ms());
+  const std::chrono::duration<double> wall = std::chrono::steady_clock::now() - began;
+  RunReport report =
+      make_report(world.name, "processes", simulation.judge(), clock.t_s(clock.now_us), wall.count(), planning);
   for (const auto& robot : robots) {
     report.robots.push_back(robot->report(report.duration_s));
     for (const auto& [name, count] : robot->channels()) {
@@ -297,11 +313,7 @@ RunReport run_processes(const World& world, const OccupiedCubes* static_map, con
       report.channels[name].bytes += count.bytes;
     }
     report.channels[channel::kTrajectory].lost += robot->lost();
-    for (std::size_t i = 0; i < step_ms.size(); ++i) {
-      step_ms[i].insert(step_ms[i].end(), robot->step_ms(i).begin(), robot->step_ms(i).end());
-    }
   }
-  for (std::size_t i = 0; i < step_ms.size(); ++i) report.planning[i] = timing_stats(step_ms[i]);
   return report;
 }
 

@@ -1,5 +1,5 @@
-// Multi-process host: real daemons per robot over real multicast, each robot on its own onboard port as on a computer of its
-// own; this process is the world around them (obstacles, sensors, vehicles, judge), in real time.
+// Multi-process host: real daemons per robot over real multicast, each robot on its own onboard port as on a computer
+// of its own; this process is the world around them (obstacles, sensors, vehicles, judge), in real time.
 #pragma once
 
 #include <filesystem>
@@ -14,8 +14,8 @@
 namespace swarm {
 
 struct ProcessOptions {
-  int base_port = 7667;       // swarm bus; robot k's onboard bus is base_port + 33 + k
-  std::filesystem::path out;  // the daemons' config files and output go here; empty: a temporary directory
+  int base_port = 7667;            // swarm bus; robot k's onboard bus is base_port + 33 + k
+  std::filesystem::path out;       // the daemons' config files and output go here; empty: a temporary directory
   std::filesystem::path programs;  // where the daemons are; empty: beside this program
 };
 

@@ -102,6 +102,23 @@ TimingStats timing_stats(std::vector<double> samples_ms) {
           samples_ms.back()};
 }
 
+RunReport make_report(const std::string& world, const std::string& mode, const Judge& judge, double duration_s,
+                      double wall_s, const std::vector<PlanningSamples>& planning) {
+  RunReport report;
+  report.world = world;
+  report.mode = mode;
+  report.outcome = judge.outcome();
+  report.touches = judge.touches();
+  report.duration_s = duration_s;
+  report.wall_s = wall_s;
+  for (std::size_t step = 0; step < kPlanningSteps.size(); ++step) {
+    std::vector<double> all;
+    for (const PlanningSamples& robot : planning) all.insert(all.end(), robot[step].begin(), robot[step].end());
+    report.planning[step] = timing_stats(std::move(all));
+  }
+  return report;
+}
+
 ordered_json to_json(const RunReport& report) {
   ordered_json options = ordered_json::object(), planning = ordered_json::object(), channels = ordered_json::object();
   for (const auto& [name, value] : report.options) options[name] = value;

@@ -26,6 +26,9 @@ TimingStats timing_stats(std::vector<double> samples_ms);
 inline constexpr std::array<const char*, 6> kPlanningSteps = {"compose",  "search", "corridor",
                                                               "optimize", "check",  "total"};
 
+// Durations of every plan of one robot [ms], by step.
+using PlanningSamples = std::array<std::vector<double>, kPlanningSteps.size()>;
+
 struct ChannelCount {
   std::int64_t messages = 0;  // sent
   std::int64_t bytes = 0;     // sent
@@ -53,6 +56,10 @@ struct RunReport {
   std::array<TimingStats, kPlanningSteps.size()> planning;  // over all robots
   std::map<std::string, ChannelCount> channels;
 };
+
+// What every host reports the same way: the judge's view and the planning times over all robots.
+RunReport make_report(const std::string& world, const std::string& mode, const Judge& judge, double duration_s,
+                      double wall_s, const std::vector<PlanningSamples>& planning);
 
 // Keys in a fixed order; what was never measured is null.
 nlohmann::ordered_json to_json(const RunReport& report);

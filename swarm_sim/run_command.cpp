@@ -37,19 +37,25 @@ void overlay(const std::string& file, Config* config) {
 
 void declare(OptionSet& options, RunOptions& run) {
   options.add_positional("world", &run.world, "world file (JSON)");
-  options.add("mode", &run.mode,
-              "lockstep: all nodes in this process, deterministic and faster than real time; processes: real daemons over "
-              "real multicast",
-              [](const std::string& mode) {
-                if (mode != "lockstep" && mode != "processes") throw OptionError("must be lockstep or processes");
-              });
-  options.add("out", &run.out, "directory for trace.csv, report.json and the LCM logs; none: only the table is printed");
+  options.add(
+      "mode", &run.mode,
+      "lockstep: all nodes in this process, deterministic and faster than real time; processes: real daemons over "
+      "real multicast",
+      [](const std::string& mode) {
+        if (mode != "lockstep" && mode != "processes") throw OptionError("must be lockstep or processes");
+      });
+  options.add("out", &run.out,
+              "directory for trace.csv, report.json and the LCM logs; none: only the table is printed");
   options.add("time-limit", &run.flight.time_limit_s, 0.1, 3600, "s", "of simulated time");
   options.add("sensor-rate", &run.flight.sensor_rate_hz, 1, 100, "Hz", "of obstacle detections");
-  options.add("map-config", &run.map_config, "config file for every map_daemon; identity and map file come from the world");
-  options.add("planner-config", &run.planner_config, "config file for every planner_daemon; identity, limits and space come from the world");
-  options.add("broadcast-config", &run.broadcast_config, "config file for every broadcast_daemon; identity, limits and roster come from the world");
-  options.add("base-port", &run.processes.base_port, 1024, 60000, "", "processes: port of the swarm bus is this, robot k's onboard bus this + 33 + k");
+  options.add("map-config", &run.map_config,
+              "config file for every map_daemon; identity and map file come from the world");
+  options.add("planner-config", &run.planner_config,
+              "config file for every planner_daemon; identity, limits and space come from the world");
+  options.add("broadcast-config", &run.broadcast_config,
+              "config file for every broadcast_daemon; identity, limits and roster come from the world");
+  options.add("base-port", &run.processes.base_port, 1024, 60000, "",
+              "processes: port of the swarm bus is this, robot k's onboard bus this + 33 + k");
 }
 
 std::string option_text(double value) {
@@ -81,7 +87,8 @@ class ProgressLine {
 
 volatile std::sig_atomic_t interrupted = 0;
 
-RunReport fly(const RunOptions& run, const World& world, const OccupiedCubes* static_map, BusLog* logs, TraceWriter* trace) {
+RunReport fly(const RunOptions& run, const World& world, const OccupiedCubes* static_map, BusLog* logs,
+              TraceWriter* trace) {
   ProgressLine line;
   RunReport report;
   if (run.mode == "processes") {
@@ -89,14 +96,16 @@ RunReport fly(const RunOptions& run, const World& world, const OccupiedCubes* st
                            [&](double t_s, const Simulation& simulation) { line.show(t_s, simulation.judge()); });
   } else {
     std::signal(SIGINT, [](int) { interrupted = 1; });
-    report = run_lockstep(world, static_map, run.flight, LockstepDelays(), logs, trace, [&](double t_s, const Simulation& simulation) {
-      line.show(t_s, simulation.judge());
-      return interrupted == 0;
-    });
+    report = run_lockstep(world, static_map, run.flight, LockstepDelays(), logs, trace,
+                          [&](double t_s, const Simulation& simulation) {
+                            line.show(t_s, simulation.judge());
+                            return interrupted == 0;
+                          });
     if (interrupted != 0) throw Interrupted();
   }
   line.done();
-  report.options = {{"time-limit", option_text(run.flight.time_limit_s)}, {"sensor-rate", option_text(run.flight.sensor_rate_hz)}};
+  report.options = {{"time-limit", option_text(run.flight.time_limit_s)},
+                    {"sensor-rate", option_text(run.flight.sensor_rate_hz)}};
   return report;
 }
 
@@ -128,7 +137,8 @@ int run_command(int argc, const char* const* argv) try {
     trace.emplace(out / "trace.csv");
     run.processes.out = out;
   }
-  const RunReport report = fly(run, world, static_map ? &*static_map : nullptr, logs ? &*logs : nullptr, trace ? &*trace : nullptr);
+  const RunReport report =
+      fly(run, world, static_map ? &*static_map : nullptr, logs ? &*logs : nullptr, trace ? &*trace : nullptr);
   if (!run.out.empty()) {
     trace->close();
     logs->close();

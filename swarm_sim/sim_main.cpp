@@ -22,7 +22,8 @@ int main(int argc, char** argv) {
     std::cout << kUsage;
     return 0;
   }
-  std::cerr << "swarm_sim: " << (command.empty() ? "no subcommand" : "unknown subcommand '" + std::string(command) + "'")
+  std::cerr << "swarm_sim: "
+            << (command.empty() ? "no subcommand" : "unknown subcommand '" + std::string(command) + "'")
             << "; must be world or run (see swarm_sim --help)\n";
   return 2;
 }

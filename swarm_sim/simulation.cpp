@@ -41,7 +41,8 @@ PlannerNodeConfig planner_config(const World& world, const WorldRobot& robot, co
   SearchLimits& limits = config.planner.limits;
   limits.v_max = world.speed_mps;
   limits.a_max = world.acceleration_mps2;
-  // The ground and the ceiling are solid. The sides are not: starts and goals may lie on them, and a robot needs room to step back.
+  // The ground and the ceiling are solid. The sides are not: starts and goals may lie on them, and a robot needs room
+  // to step back.
   limits.space_min = world.space.min + Eigen::Vector3d(-kSideRoom_m, -kSideRoom_m, robot.radius_m);
   limits.space_max = world.space.max + Eigen::Vector3d(kSideRoom_m, kSideRoom_m, -robot.radius_m);
   return config;
@@ -58,11 +59,13 @@ BroadcastConfig broadcast_config(const World& world, const WorldRobot& robot, co
   return config;
 }
 
-Simulation::Simulation(const World& world, const OccupiedCubes* static_map, const FlightOptions& options, TraceWriter* trace)
+Simulation::Simulation(const World& world, const OccupiedCubes* static_map, const FlightOptions& options,
+                       TraceWriter* trace)
     : world_(world), judge_(world, static_map, options.time_limit_s), trace_(trace) {
   for (const WorldRobot& robot : world.robots) {
     const HeaderSource headers(robot.id, 0);
-    Vehicle vehicle{.state = {}, .setpoint = {}, .state_headers = headers, .obstacle_headers = headers, .goal_headers = headers};
+    Vehicle vehicle{
+        .state = {}, .setpoint = {}, .state_headers = headers, .obstacle_headers = headers, .goal_headers = headers};
     vehicle.state.position = robot.start;
     vehicles_.push_back(vehicle);
   }
@@ -119,7 +122,8 @@ sogm_swarm::obstacles_t Simulation::obstacles_message(std::size_t index, double 
   for (std::size_t i = 0; i < world_.obstacles.size(); ++i) {
     const WorldObstacle& obstacle = world_.obstacles[i];
     const std::optional<ObstacleState> state = state_at(obstacle, world_, std::max(t_s, 0.0));
-    if (!state || distance(obstacle.shape, vehicle.state.position - state->position) > world_.sensing_radius_m) continue;
+    if (!state || distance(obstacle.shape, vehicle.state.position - state->position) > world_.sensing_radius_m)
+      continue;
     message.obstacles.push_back(to_message(static_cast<int>(i), obstacle.shape, *state, t_s >= 0.0));
   }
   message.num_obstacles = static_cast<std::int32_t>(message.obstacles.size());

@@ -1,5 +1,5 @@
-// The world's side of a run, the same in every mode: obstacles move, robots sense them and track their setpoints, the judge
-// watches and the trace is written. Knows neither buses nor clocks: the hosts carry its messages.
+// The world's side of a run, the same in every mode: obstacles move, robots sense them and track their setpoints, the
+// judge watches and the trace is written. Knows neither buses nor clocks: the hosts carry its messages.
 #pragma once
 
 #include <cstdint>
@@ -16,7 +16,8 @@
 
 namespace swarm {
 
-// What a run flies with, besides the world: the daemons' configurations before identity, limits and space are filled in.
+// What a run flies with, besides the world: the daemons' configurations before identity, limits and space are filled
+// in.
 struct FlightOptions {
   double time_limit_s = 60.0;
   double sensor_rate_hz = 20.0;  // of obstacle detections
@@ -42,14 +43,14 @@ class Simulation {
 
   // A setpoint message of robot `index` (in the world's order); anything else is ignored.
   void on_setpoint(std::size_t index, std::span<const std::uint8_t> bytes);
-  // Moves the robots to world time `t_s` >= 0 (perfect tracking: the newest setpoint, carried on to `utime`), then judges
-  // and traces. To be called every kTick_us. Before the start of the world only `settle` is called.
+  // Moves the robots to world time `t_s` >= 0 (perfect tracking: the newest setpoint, carried on to `utime`), then
+  // judges and traces. To be called every kTick_us. Before the start of the world only `settle` is called.
   void tick(double t_s, std::int64_t utime);
   // Moves the robots without judging: the time before the start.
   void settle(std::int64_t utime);
 
-  // What robot `index` knows at world time `t_s`: itself, the obstacles within its sensing radius, its goal. Before the start
-  // (t_s < 0) the obstacles stand where they will be at 0.
+  // What robot `index` knows at world time `t_s`: itself, the obstacles within its sensing radius, its goal. Before the
+  // start (t_s < 0) the obstacles stand where they will be at 0.
   sogm_swarm::robot_state_t state_message(std::size_t index, std::int64_t utime);
   sogm_swarm::obstacles_t obstacles_message(std::size_t index, double t_s, std::int64_t utime);
   sogm_swarm::goal_t goal_message(std::size_t index, std::int64_t utime);

@@ -2,11 +2,10 @@
 
 #include <gtest/gtest.h>
 
-#include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
-#include <string>
 
+#include "tests/hull_distance.h"
 #include "tests/random_motion.h"
 
 namespace swarm {
@@ -16,29 +15,6 @@ using Eigen::Vector3d;
 
 constexpr std::int64_t kStart = 1'700'000'000'000'000;
 
-// Distance from the origin to the hull of `points`: by Caratheodory the nearest point is a combination of at most four
-// of them, stationary on their affine hull.
-double distance_to_hull(const ControlPoints& points) {
-  double least = INFINITY;
-  for (int subset = 1; subset < 64; ++subset) {
-    const int count = __builtin_popcount(static_cast<unsigned>(subset));
-    if (count > 4) continue;
-    Eigen::MatrixXd chosen(3, count);
-    for (int k = 0, column = 0; k < 6; ++k) {
-      if (subset >> k & 1) chosen.col(column++) = points.col(k);
-    }
-    Eigen::MatrixXd system = Eigen::MatrixXd::Ones(count + 1, count + 1);
-    system.topLeftCorner(count, count) = chosen.transpose() * chosen;
-    system(count, count) = 0.0;
-    const Eigen::VectorXd weights =
-        system.completeOrthogonalDecomposition().solve(Eigen::VectorXd::Unit(count + 1, count)).head(count);
-    if (weights.minCoeff() > -1e-12 && std::abs(weights.sum() - 1.0) < 1e-9) {
-      least = std::min(least, (chosen * weights).norm());
-    }
-  }
-  return least;
-}
-
 TEST(LinearlySeparableTest, IsSoundAndFindsWhatIsClearlySeparable) {
   Rng rng(1);
   int separable = 0, clear = 0, found = 0;
@@ -46,7 +22,7 @@ TEST(LinearlySeparableTest, IsSoundAndFindsWhatIsClearlySeparable) {
     const Vector3d center = in_cube(rng, 2), extent = in_box(rng, Vector3d::Zero(), Vector3d::Constant(1.5));
     ControlPoints points;
     for (int k = 0; k < 6; ++k) points.col(k) = center + in_box(rng, -extent, extent);
-    const double distance = distance_to_hull(points), radius = uniform(rng, 0.05, 1.5);
+    const double distance = distance_to_hull(points, Vector3d::Zero()), radius = uniform(rng, 0.05, 1.5);
     const bool answer = linearly_separable(points, radius);
     const auto input = [&] {
       return ::testing::Message() << "trial " << trial << ", radius " << radius << ", distance " << distance << "\n"

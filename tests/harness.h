@@ -58,6 +58,14 @@ inline sogm_swarm::header_t make_header(int robot_id, std::int32_t boot, std::in
   return header;
 }
 
+inline sogm_swarm::robot_state_t state_at(int id, const Eigen::Vector3d& position, std::int64_t seq,
+                                          std::int64_t utime) {
+  sogm_swarm::robot_state_t state{};
+  state.header = make_header(id, 1, seq, utime);
+  Eigen::Map<Eigen::Vector3d>(state.position) = position;
+  return state;
+}
+
 // What a node has said, in order.
 class Mailbox : public Outbox {
  public:
@@ -196,13 +204,13 @@ class Program {
     std::vector<char*> argv;
     for (std::string& word : copy) argv.push_back(word.data());
     argv.push_back(nullptr);
-    const std::string out = (output_ / "out").string(), err = (output_ / "err").string();
+    const std::string out = write_text(output_ / "out", ""), err = write_text(output_ / "err", "");
     pid_ = ::fork();
     if (pid_ == 0) {
       ::prctl(PR_SET_PDEATHSIG, SIGKILL);
       ::dup2(::open("/dev/null", O_RDONLY), STDIN_FILENO);
-      ::dup2(::open(out.c_str(), O_WRONLY | O_CREAT, 0600), STDOUT_FILENO);
-      ::dup2(::open(err.c_str(), O_WRONLY | O_CREAT, 0600), STDERR_FILENO);
+      ::dup2(::open(out.c_str(), O_WRONLY), STDOUT_FILENO);
+      ::dup2(::open(err.c_str(), O_WRONLY), STDERR_FILENO);
       ::execv(argv[0], argv.data());
       ::_exit(127);
     }

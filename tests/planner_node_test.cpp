@@ -247,45 +247,54 @@ TEST(PlannerNode, WithoutAGoalItHoldsItsPlaceButStepsAside) {
   f.send_hover();
   f.send_map();
   EXPECT_LT((end_of(f.planned()) - kHome).norm(), 0.05);
-  f.run_for(0.1);
-  MotionState peer;
-  peer.position = {-2, 0, 1};
-  f.send_peer(7, Trajectory::hover(1, f.now_us, peer.position), quintic_to(peer, f.now_us + 50'000, {2, 0, 1}, 3.0),
-              announcement_t::kAnnounced);
-  f.send_map();
-  EXPECT_GT((end_of(f.planned()) - kHome).norm(), 0.3);
+  // A peer comes by, over the robot's place. Whatever is planned is committed.
+  Motion peer{Trajectory::hover(1, f.now_us, {-2, 0, 1}), {}}, own{Trajectory::hover(1, f.now_us, kHome), {}};
+  peer.next = quintic_to(peer.committed.at(0), f.now_us + 50'000, {2, 0, 1}, 3.0);
+  double nearest = INFINITY;
+  while (f.now_us < peer.end_utime()) {
+    const int candidates = f.out.count(channel::kCandidate);
+    f.send_peer(7, peer.committed, peer.next, announcement_t::kAnnounced);
+    f.send_own(own);
+    f.send_map();
+    if (f.out.count(channel::kCandidate) > candidates) own.next = f.planned();
+    for (int i = 0; i < 5; ++i) {
+      f.run_for(0.01);
+      nearest = std::min(nearest, (own.at(f.now_us).position - peer.at(f.now_us).position).norm());
+    }
+    if (!own.next.empty()) own = {own.next, {}};
+  }
+  EXPECT_GT(nearest, 0.4);
+  EXPECT_LT((own.at(f.now_us).position - kHome).norm(), 0.1);  // and back it is
 }
 
 TEST(PlannerNode, KeepsClearOfPeersAndObstacles) {
-  // Without either it flies straight through the place where they stand.
   const Eigen::Vector3d goal(2, 0, 1), middle(1, 0, 1);
-  const auto nearest = [&](const Trajectory& trajectory) {
-    double distance = 1e9;
-    for (std::int64_t t = trajectory.start_utime(); t <= trajectory.end_utime(); t += 10'000) {
-      distance = std::min(distance, (trajectory.at(t).position - middle).norm());
-    }
-    return distance;
-  };
   Fixture alone, with_obstacle;
   alone.start(goal);
-  EXPECT_LT(nearest(alone.planned()), 0.1);
+  const Trajectory straight = alone.planned();  // through the middle
+  std::int64_t middle_us = straight.start_utime();
+  while (straight.at(middle_us).position.x() < middle.x()) middle_us += 10'000;
   with_obstacle.occupy(middle - Eigen::Vector3d(0.2, 0.2, 5), middle + Eigen::Vector3d(0.2, 0.2, 5));
   with_obstacle.start(goal);
-  EXPECT_GT(nearest(with_obstacle.planned()), 0.4);
-  const Trajectory standing = Trajectory::hover(1, kStart_us, middle);
-  MotionState away;
-  away.position = {1, -4, 1};
-  const Trajectory far = Trajectory::hover(1, kStart_us, away.position);
-  const Trajectory crossing = quintic_to(away, kStart_us + 10'000, {1, 2, 1}, 3.0);  // at (1, 0, 1) after 1.9 s
+  const Trajectory around = with_obstacle.planned();
+  for (std::int64_t t = around.start_utime(); t <= around.end_utime(); t += 10'000) {
+    EXPECT_GT((around.at(t).position - middle).norm(), 0.4);
+  }
+  // A peer that stands in the middle; one that will be there at the same time, bound to it or not yet.
+  const Motion stands{Trajectory::hover(1, kStart_us, middle), {}};
+  Motion crosses{Trajectory::hover(1, kStart_us, {1, -1.5, 1}), {}};
+  const std::int64_t leaves_us = kStart_us + 10'000;
+  crosses.next =
+      quintic_to(crosses.committed.at(0), leaves_us, {1, 1.5, 1}, 2e-6 * static_cast<double>(middle_us - leaves_us));
   for (const std::int8_t state : {announcement_t::kNone, announcement_t::kAnnounced, announcement_t::kCommitted}) {
     SCOPED_TRACE(static_cast<int>(state));
+    const Motion& theirs = state == announcement_t::kNone ? stands : crosses;
     Fixture f;
-    const bool hovers = state == announcement_t::kNone;
-    f.send_peer(1, hovers ? standing : far, hovers ? Trajectory() : crossing, state);
+    f.send_peer(1, theirs.committed, theirs.next, state);
     f.start(goal);
-    const Motion theirs{hovers ? standing : far, hovers ? Trajectory() : crossing};
-    EXPECT_TRUE(motions_separated({f.planned(), {}}, theirs, f.planned().start_utime(), 0.42));
-    EXPECT_EQ(motions_separated({alone.planned(), {}}, theirs, f.planned().start_utime(), 0.42), !hovers);
+    const Trajectory planned = f.planned();
+    EXPECT_TRUE(motions_separated({planned, {}}, theirs, planned.start_utime(), 0.42));
+    EXPECT_FALSE(motions_separated({straight, {}}, theirs, planned.start_utime(), 0.42));
   }
 }
 

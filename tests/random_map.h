@@ -30,39 +30,42 @@ inline void set_voxel(Sogm* sogm, int frame, const Eigen::Vector3i& voxel) {
 inline void mark_box(Sogm* sogm, const Eigen::Vector3d& low, const Eigen::Vector3d& high, int first = 0,
                      int last = 1 << 20) {
   const GridGeometry& grid = sogm->geometry;
-  for (int frame = first; frame <= std::min(last, sogm->num_frames - 1); ++frame) {
-    for (int x = 0; x < grid.size.x(); ++x) {
-      for (int y = 0; y < grid.size.y(); ++y) {
-        for (int z = 0; z < grid.size.z(); ++z) {
-          const Eigen::Vector3d center = grid.center_of({x, y, z});
-          if ((center.array() >= low.array()).all() && (center.array() <= high.array()).all())
-            set_voxel(sogm, frame, {x, y, z});
-        }
+  for (int x = 0; x < grid.size.x(); ++x) {
+    for (int y = 0; y < grid.size.y(); ++y) {
+      for (int z = 0; z < grid.size.z(); ++z) {
+        const Eigen::Vector3d center = grid.center_of({x, y, z});
+        if ((center.array() < low.array()).any() || (center.array() > high.array()).any()) continue;
+        for (int i = first; i <= std::min(last, sogm->num_frames - 1); ++i) set_voxel(sogm, i, {x, y, z});
       }
     }
   }
 }
 
-// A ball that moves uniformly, at `center` when the map starts; a column when the vertical is left out.
-inline void mark_ball(Sogm* sogm, const Eigen::Vector3d& center, const Eigen::Vector3d& velocity, double radius_m,
-                      bool column = false) {
+// Occupies voxels of a frame whose centre is within `radius_m` of `center`; of its vertical axis for a column.
+inline void mark_ball(Sogm* sogm, int frame, const Eigen::Vector3d& center, double radius_m, bool column = false) {
   const GridGeometry& grid = sogm->geometry;
-  const Eigen::Vector3d reach = Eigen::Vector3d::Constant(radius_m);
-  for (int frame = 0; frame < sogm->num_frames; ++frame) {
-    for (int i = 0; i <= 8; ++i) {
-      const double t = 1e-6 * static_cast<double>(sogm->frame_duration_us) * (frame + i / 8.0);
-      const Eigen::Vector3d now = center + t * velocity;
-      Eigen::Vector3i low = grid.voxel_of(now - reach).cwiseMax(0);
-      Eigen::Vector3i high = grid.voxel_of(now + reach).cwiseMin(grid.size - Eigen::Vector3i::Ones());
-      if (column) low.z() = 0, high.z() = grid.size.z() - 1;
-      for (int x = low.x(); x <= high.x(); ++x) {
-        for (int y = low.y(); y <= high.y(); ++y) {
-          for (int z = low.z(); z <= high.z(); ++z) {
-            const Eigen::Vector3d offset = grid.center_of({x, y, z}) - now;
-            if ((column ? offset.head<2>().norm() : offset.norm()) <= radius_m) set_voxel(sogm, frame, {x, y, z});
-          }
-        }
+  Eigen::Vector3i low = grid.voxel_of(center.array() - radius_m).cwiseMax(0);
+  Eigen::Vector3i high = grid.voxel_of(center.array() + radius_m).cwiseMin(grid.size - Eigen::Vector3i::Ones());
+  if (column) low.z() = 0, high.z() = grid.size.z() - 1;
+  for (int x = low.x(); x <= high.x(); ++x) {
+    for (int y = low.y(); y <= high.y(); ++y) {
+      for (int z = low.z(); z <= high.z(); ++z) {
+        Eigen::Vector3d offset = grid.center_of({x, y, z}) - center;
+        if (column) offset.z() = 0.0;
+        if (offset.squaredNorm() <= radius_m * radius_m) set_voxel(sogm, frame, {x, y, z});
       }
+    }
+  }
+}
+
+// A ball or column that moves uniformly, at `center` when the map starts.
+inline void mark_moving(Sogm* sogm, const Eigen::Vector3d& center, const Eigen::Vector3d& velocity, double radius_m,
+                        bool column = false) {
+  const int samples = velocity.isZero() ? 1 : 5;
+  for (int frame = 0; frame < sogm->num_frames; ++frame) {
+    for (int i = 0; i < samples; ++i) {
+      const double t = 1e-6 * static_cast<double>(sogm->frame_duration_us) * (frame + 0.25 * i);
+      mark_ball(sogm, frame, center + t * velocity, radius_m, column);
     }
   }
 }
@@ -75,7 +78,7 @@ inline Sogm random_map(Rng& rng, int obstacles, const Eigen::Vector3d& size_m, i
     const Eigen::Vector3d center = in_box(rng, -size_m / 2, size_m / 2);
     Eigen::Vector3d velocity = i % 2 == 0 ? Eigen::Vector3d::Zero().eval() : in_cube(rng, 1.5);
     const double radius = uniform(rng, 0.1, 0.4);
-    mark_ball(&sogm, center, velocity, radius, i % 3 == 0);
+    mark_moving(&sogm, center, velocity, radius, i % 3 == 0);
   }
   return sogm;
 }

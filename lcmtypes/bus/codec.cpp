@@ -68,10 +68,10 @@ Refusal check_envelope(std::span<const std::uint8_t> bytes) {
   if constexpr (kHasArray<T>) {
     constexpr auto& array = kArray<T>;
     constexpr std::size_t count_bytes = sizeof(T{}.*array.count);
-    // Read as unsigned: a negative count is above every cap.
     const std::uint64_t count = read_big_endian(bytes.subspan(fixed - count_bytes, count_bytes));
     if (extra > array.max_count * array.element_bytes) return Refusal::kSize;
-    if (count > array.max_count || count * array.element_bytes > extra) return Refusal::kLength;
+    // Read as unsigned, a negative count promises more than there can be.
+    if (count * array.element_bytes > extra) return Refusal::kLength;
     if (count * array.element_bytes < extra) return Refusal::kSize;
   } else if (extra > 0) {
     return Refusal::kSize;

@@ -63,7 +63,8 @@ template <class T>
 [[nodiscard]] Refusal decode(std::span<const std::uint8_t> bytes, T* message);
 
 // kTime when `utime` is more than `max_age_us` before or more than `max_ahead_us` after `now_us`.
-[[nodiscard]] Refusal check_time(std::int64_t utime, std::int64_t now_us, std::int64_t max_age_us, std::int64_t max_ahead_us);
+[[nodiscard]] Refusal check_time(std::int64_t utime, std::int64_t now_us, std::int64_t max_age_us,
+                                 std::int64_t max_ahead_us);
 
 // Lets only newer messages of one sender and channel pass: ordered by (boot, seq).
 class SequenceGate {

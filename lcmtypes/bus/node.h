@@ -1,5 +1,5 @@
-// The middle tier of every daemon: a node turns messages and the passing of time into messages. It knows neither LCM nor
-// a clock, so the same object runs in real time over multicast and in lock-step inside the simulator.
+// The middle tier of every daemon: a node turns messages and the passing of time into messages. It knows neither LCM
+// nor a clock, so the same object runs in real time over multicast and in lock-step inside the simulator.
 #pragma once
 
 #include <cstdint>
@@ -47,8 +47,8 @@ class Node {
   virtual std::vector<Subscription> subscriptions() const = 0;
 
   // One message of a subscribed channel. `bytes` may be anything at all; it is valid during the call only.
-  virtual void on_message(std::int64_t now_us, BusId bus, std::string_view channel,
-                          std::span<const std::uint8_t> bytes, Outbox& outbox) = 0;
+  virtual void on_message(std::int64_t now_us, BusId bus, std::string_view channel, std::span<const std::uint8_t> bytes,
+                          Outbox& outbox) = 0;
 
   // Does what is due at `now_us`. Called after every batch of messages and at the returned time at the latest.
   // Returns the next time it wants to be called [us since epoch], later than `now_us`.

@@ -181,13 +181,12 @@ void OptionSet::add(const std::string& name, std::vector<int>* value, int low, i
 void OptionSet::add(const std::string& name, std::string* value, const std::string& help,
                     std::function<void(const std::string&)> check) {
   const auto set = [value, check = std::move(check)](const std::string& text) {
-    if (!fits_config(text)) return false;
+    if (!fits_config(text)) throw OptionError("must not hold '#' or line breaks, nor begin or end with a blank");
     if (check) check(text);
     *value = text;
     return true;
   };
-  entries_.push_back(
-      {name, "text", help, "text without '#' and without blanks at its ends", false, set, [value] { return *value; }});
+  entries_.push_back({name, "text", help, "", false, set, [value] { return *value; }});
 }
 
 void OptionSet::add(const std::string& name, bool* value, const std::string& help) {
@@ -216,6 +215,10 @@ void OptionSet::assign(const Entry& entry, const std::string& text, const std::s
   if (!good) throw OptionError(where + ": must be " + entry.rule);
 }
 
+std::string OptionSet::explanation(const Entry& entry) {
+  return entry.help + (entry.rule.empty() ? "" : "; " + entry.rule);
+}
+
 void OptionSet::print_help(const std::string& option_table, std::ostream& out) const {
   std::string arguments, explained;
   for (const Entry& entry : entries_) {
@@ -233,7 +236,7 @@ OptionSet::Parsed OptionSet::parse(int argc, const char* const* argv, std::ostre
     if (entry.positional) continue;
     auto* const semantic = po::value<std::string>()->value_name(entry.unit.empty() ? "number" : entry.unit);
     if (const std::string initial = entry.get(); !initial.empty()) semantic->default_value(initial);
-    options.add_options()(entry.name.c_str(), semantic, (entry.help + "; " + entry.rule).c_str());
+    options.add_options()(entry.name.c_str(), semantic, explanation(entry).c_str());
   }
   meta.add_options()("config", po::value<std::string>()->value_name("file"),
                      "read options from it: name = value  # ...")(
@@ -269,8 +272,7 @@ OptionSet::Parsed OptionSet::parse(int argc, const char* const* argv, std::ostre
   }
   if (find(command_line, "print-config") != nullptr) {
     for (const Entry& entry : entries_) {
-      if (!entry.positional)
-        out << "# " << entry.help << "; " << entry.rule << "\n" << entry.name << " = " << entry.get() << "\n";
+      if (!entry.positional) out << "# " << explanation(entry) << "\n" << entry.name << " = " << entry.get() << "\n";
     }
     return Parsed::kExit;
   }

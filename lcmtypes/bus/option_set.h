@@ -33,7 +33,8 @@ class OptionSet {
            const std::string& help);
   // Comma-separated list of integers, e.g. robot ids; may be empty.
   void add(const std::string& name, std::vector<int>* value, int low, int high, const std::string& help);
-  // Any text; `check` throws OptionError or returns.
+  // Text without '#' and without blanks at its ends, which a config file cannot hold; `check` throws OptionError or
+  // returns.
   void add(const std::string& name, std::string* value, const std::string& help,
            std::function<void(const std::string&)> check = nullptr);
   void add(const std::string& name, bool* value, const std::string& help);  // true/false
@@ -41,8 +42,7 @@ class OptionSet {
   void add_positional(const std::string& name, std::string* value, const std::string& help);
 
   // Command line wins over --config FILE wins over defaults. Unknown names, repeated or malformed values throw
-  // OptionError.
-  // --help and --print-config go to `out`; the latter prints a valid config file.
+  // OptionError. --help and --print-config go to `out`; the latter prints a valid config file.
   Parsed parse(int argc, const char* const* argv, std::ostream& out);
 
  private:
@@ -52,6 +52,7 @@ class OptionSet {
     std::function<bool(const std::string&)> set;  // false: against the rule; OptionError: against a check
     std::function<std::string()> get;
   };
+  static std::string explanation(const Entry& entry);
   static void assign(const Entry& entry, const std::string& text, const std::string& where);
   void print_help(const std::string& option_table, std::ostream& out) const;
 

@@ -1,0 +1,799 @@
+#include "planner_daemon/kinodynamic_search.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <sstream>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "tests/random_map.h"
+#include "tests/random_motion.h"
+
+namespace swarm {
+namespace {
+
+using Eigen::Vector3d;
+using Eigen::Vector3i;
+
+constexpr std::int64_t kStart = 1'700'000'000'000'000;
+constexpr std::int64_t kNever = std::numeric_limits<std::int64_t>::max();
+constexpr double kBlocked_m = 0.3, kNear_m = 0.45, kTight_m = 0.23, kContact_m = 0.16;
+constexpr int kSamples = 8;  // collision checks per primitive
+
+// The zones that a search looks at.
+struct Scene {
+  explicit Scene(const Sogm& map) : occupied(map) {
+    dilate(occupied, kBlocked_m, &blocked);
+    dilate(occupied, kNear_m, &near);
+    dilate(occupied, kTight_m, &tight);
+    dilate(occupied, kContact_m, &contact);
+  }
+  SearchProblem problem(const MotionState& start, std::int64_t start_utime, const Vector3d& goal) const {
+    SearchProblem p;
+    p.start = start;
+    p.start_utime = start_utime;
+    p.goal = goal;
+    p.blocked = &blocked;
+    p.near = &near;
+    p.tight = &tight;
+    p.contact = &contact;
+    return p;
+  }
+  Sogm occupied, blocked, near, tight, contact;
+};
+
+bool occupied_at(const Sogm& sogm, const Vector3d& position, std::int64_t utime) {
+  return sogm.occupied(sogm.frame_at(utime), sogm.geometry.voxel_of(position));
+}
+
+// A state from which the limits can be kept: what the search itself leads through.
+MotionState viable_state(Rng& rng, const SearchLimits& limits, double tau, const Vector3d& half) {
+  MotionState state;
+  state.position = in_box(rng, -half, half);
+  for (int axis = 0; axis < 3; ++axis) {
+    double &v = state.velocity[axis], &a = state.acceleration[axis];
+    do {
+      v = uniform(rng, -limits.v_max, limits.v_max);
+      a = uniform(rng, -0.98 * limits.a_max, 0.98 * limits.a_max);
+    } while (std::abs(v + tau / 3 * a) > limits.v_max);
+  }
+  return state;
+}
+
+MotionState at_rest(const Vector3d& position) {
+  MotionState state;
+  state.position = position;
+  return state;
+}
+
+MotionState state_at(const SearchResult& result, double tau, double t) {
+  const int piece = std::min(static_cast<int>(t / tau), result.num_pieces);
+  if (piece == result.num_pieces) return at_rest(result.knots[static_cast<std::size_t>(piece)].position);
+  const ControlPoints points = quintic_control_points(result.knots[static_cast<std::size_t>(piece)],
+                                                      result.knots[static_cast<std::size_t>(piece) + 1], tau);
+  return evaluate_bezier(points, tau, t / tau - piece);
+}
+
+// What every result promises, whatever the map: begins at the start, keeps the limits at every millisecond, ends at
+// rest, and is free (or not) when it says so.
+void check_path(const SearchResult& result, SearchStatus status, const SearchProblem& problem,
+                const SearchLimits& limits, const SearchOptions& options) {
+  const double tau = 1e-6 * options.piece_us;
+  ASSERT_GE(result.num_pieces, 1);
+  ASSERT_LE(result.num_pieces, options.num_pieces);
+  ASSERT_LE(result.expansions, options.max_expansions);
+  const MotionState &first = result.knots[0], &last = result.knots[static_cast<std::size_t>(result.num_pieces)];
+  ASSERT_EQ(first.position, problem.start.position);
+  ASSERT_EQ(first.velocity, problem.start.velocity);
+  ASSERT_EQ(first.acceleration, problem.start.acceleration);
+  ASSERT_EQ(last.velocity, Vector3d::Zero());
+  ASSERT_EQ(last.acceleration, Vector3d::Zero());
+  ASSERT_TRUE(status != SearchStatus::kGoal || last.position == problem.goal);
+  for (double t = 0.0; t < result.num_pieces * tau; t += 0.001) {
+    const MotionState state = state_at(result, tau, t);
+    ASSERT_LE(state.velocity.cwiseAbs().maxCoeff(), limits.v_max + 1e-8) << "at " << t << " s";
+    ASSERT_LE(state.acceleration.cwiseAbs().maxCoeff(), limits.a_max + 1e-8) << "at " << t << " s";
+  }
+  std::int64_t free_until = kNever;
+  ASSERT_EQ(result.left_blocked, occupied_at(*problem.blocked, problem.start.position, problem.start_utime));
+  for (int i = 1; i <= options.num_pieces * kSamples && free_until == kNever; ++i) {
+    const std::int64_t since = std::int64_t{i} * options.piece_us / kSamples;
+    if (result.left_blocked && since <= static_cast<std::int64_t>(options.leave_s * 1e6)) continue;
+    const Vector3d position = state_at(result, tau, i * tau / kSamples).position;
+    if (occupied_at(*problem.blocked, position, problem.start_utime + since)) free_until = problem.start_utime + since;
+  }
+  ASSERT_EQ(result.free_until_utime, free_until);
+  ASSERT_EQ(status == SearchStatus::kPartial, free_until != kNever);
+}
+
+std::string describe(const SearchProblem& problem, const SearchResult& result, SearchStatus status) {
+  std::ostringstream out;
+  out.precision(17);
+  out << to_string(status) << ", start " << problem.start << " at " << problem.start_utime - kStart << " us, goal "
+      << problem.goal.transpose() << ", " << result.expansions << " expansions";
+  for (int k = 0; k <= result.num_pieces; ++k) out << "\n  " << result.knots[static_cast<std::size_t>(k)];
+  return out.str();
+}
+
+// ---- min_time_to_rest
+
+// All motions that accelerate to a peak speed, keep it and brake: the fastest to rest at d.
+double brute_force_time(double d, double v, double v_max, double a_max) {
+  double least = INFINITY;
+  constexpr int kPeaks = 20'000;
+  for (int i = -kPeaks; i <= kPeaks; ++i) {
+    const double peak = v_max * i / kPeaks;
+    const double ramp = (peak - v) / (peak >= v ? a_max : -a_max), brake = std::abs(peak) / a_max;
+    const double remaining = d - ramp * (v + peak) / 2 - brake * peak / 2;
+    if (i == 0 ? std::abs(remaining) < 1e-9 : remaining / peak >= 0.0) {
+      least = std::min(least, ramp + brake + (i == 0 ? 0.0 : remaining / peak));
+    }
+  }
+  return least;
+}
+
+TEST(MinTimeToRestTest, EqualsTheBestOfAllBangBangMotions) {
+  Rng rng(1);
+  for (int trial = 0; trial < 300; ++trial) {
+    const double v_max = uniform(rng, 0.5, 4.0), a_max = uniform(rng, 1.0, 10.0);
+    const double d = uniform(rng, -1, 1) * std::pow(10.0, uniform(rng, -2, 1)), v = uniform(rng, -v_max, v_max);
+    const double time = min_time_to_rest(d, v, v_max, a_max), brute = brute_force_time(d, v, v_max, a_max);
+    const auto input = [&] { return testing::Message() << d << ' ' << v << ' ' << v_max << ' ' << a_max; };
+    ASSERT_LE(time, brute + 1e-9) << input();
+    ASSERT_GE(time, brute - 0.01)
+        << input();  // the grid of peaks; its error is below its step times 1 / a_max and more near 0
+    ASSERT_NEAR(min_time_to_rest(-d, -v, v_max, a_max), time, 1e-12) << input();
+  }
+}
+
+TEST(MinTimeToRestTest, KnownCases) {
+  EXPECT_EQ(min_time_to_rest(0, 0, 2, 6), 0.0);
+  EXPECT_NEAR(min_time_to_rest(8, 0, 2, 4), 4.5, 1e-12);                   // ramps of 0.5 s and 0.5 m, 3.5 s of cruise
+  EXPECT_NEAR(min_time_to_rest(1, 0, 2, 4), 1.0, 1e-12);                   // just reaches v_max
+  EXPECT_NEAR(min_time_to_rest(0.5, 2, 2, 4), 0.5, 1e-12);                 // brakes all the way
+  EXPECT_NEAR(min_time_to_rest(0, 2, 2, 4), 0.5 + std::sqrt(0.5), 1e-12);  // overshoots by 0.5 m and comes back
+}
+
+// An admissible heuristic is consistent: no motion of duration dt brings the goal nearer than dt.
+TEST(MinTimeToRestTest, TriangleProperty) {
+  Rng rng(2);
+  for (int trial = 0; trial < 20'000; ++trial) {
+    const double v_max = 2.0, a_max = 6.0, dt = uniform(rng, 0.001, 0.5);
+    const double d = uniform(rng, -3, 3), v = uniform(rng, -v_max, v_max);
+    const double a = std::clamp(uniform(rng, -a_max, a_max), (-v_max - v) / dt, (v_max - v) / dt);
+    const double after = min_time_to_rest(d - v * dt - a * dt * dt / 2, v + a * dt, v_max, a_max);
+    ASSERT_LE(min_time_to_rest(d, v, v_max, a_max), dt + after + 1e-9) << d << ' ' << v << ' ' << a << ' ' << dt;
+  }
+}
+
+// ---- primitives
+
+TEST(KinodynamicSearchTest, PropagateIntegratesThePrimitive) {
+  Rng rng(3);
+  for (int trial = 0; trial < 50; ++trial) {
+    SearchOptions options;
+    options.piece_us = uniform_int(rng, 150'000, 400'000);
+    const double tau = 1e-6 * options.piece_us;
+    const KinodynamicSearch search(SearchLimits{}, options);
+    const MotionState from = random_state(rng, 5, 2, 6);
+    const Vector3d a1 = in_cube(rng, 6);
+    const MotionState to = search.propagate(from, a1);
+    Vector3d p = from.position, v = from.velocity;
+    constexpr int kSteps = 2000;
+    for (int i = 0; i < kSteps; ++i) {  // a(s) = a0 + (a1 - a0)(2 s - s^2), midpoint rule
+      const double s = (i + 0.5) / kSteps, dt = tau / kSteps;
+      const Vector3d a = from.acceleration + (a1 - from.acceleration) * (2 * s - s * s);
+      p += dt * v + dt * dt / 2 * a;
+      v += dt * a;
+    }
+    EXPECT_LT((to.position - p).norm(), 1e-6) << from << " a1 " << a1.transpose() << " tau " << tau;
+    EXPECT_LT((to.velocity - v).norm(), 1e-6);
+    EXPECT_EQ(to.acceleration, a1);
+    // The quintic between the two knots is the primitive itself, a quartic: its fifth difference vanishes.
+    const ControlPoints c = quintic_control_points(from, to, tau);
+    const Vector3d fifth = c.col(5) - 5 * c.col(4) + 10 * c.col(3) - 10 * c.col(2) + 5 * c.col(1) - c.col(0);
+    EXPECT_LT(fifth.norm(), 1e-12);
+  }
+}
+
+TEST(KinodynamicSearchTest, KeepsLimitsInEmptySpaceAndArrivesInTime) {
+  Rng rng(4);
+  const Scene scene(empty_map({2, 2, 2}, 0.2, 1, kStart, 200'000));
+  int arrivals = 0;
+  for (int trial = 0; trial < 400; ++trial) {
+    SearchLimits limits;
+    limits.v_max = uniform(rng, 1.0, 2.5);
+    limits.a_max = uniform(rng, 3.0, 9.0);
+    SearchOptions options;
+    const double tau = 1e-6 * options.piece_us;
+    KinodynamicSearch search(limits, options);
+    SearchProblem problem = scene.problem(viable_state(rng, limits, tau, {5, 5, 5}), kStart, Vector3d::Zero());
+    if (trial % 2 == 0) problem.start.acceleration.setZero();
+    problem.goal = problem.start.position + in_cube(rng, uniform(rng, 0.0, 5.0));
+    SearchResult result;
+    const SearchStatus status = search.find(problem, &result);
+    SCOPED_TRACE(testing::Message() << "trial " << trial << ", v_max " << limits.v_max << ", a_max " << limits.a_max
+                                    << ": " << describe(problem, result, status));
+    ASSERT_NO_FATAL_FAILURE(check_path(result, status, problem, limits, options));
+    ASSERT_NE(status, SearchStatus::kPartial);
+    if (trial % 2 != 0) continue;  // the bounds below do not know accelerations
+    double least_s = 0.0;
+    for (int axis = 0; axis < 3; ++axis) {
+      least_s = std::max(least_s, min_time_to_rest(problem.goal[axis] - problem.start.position[axis],
+                                                   problem.start.velocity[axis], limits.v_max, limits.a_max));
+    }
+    if (status == SearchStatus::kGoal) {
+      ++arrivals;
+      ASSERT_GE(result.num_pieces * tau, least_s - 1e-9);
+      ASSERT_LE(result.num_pieces * tau, 1.5 * least_s + 2 * tau);
+    } else {
+      ASSERT_GT(1.5 * least_s + 2 * tau, options.num_pieces * tau) << "within reach, not reached";
+      ASSERT_EQ(result.num_pieces, options.num_pieces);
+    }
+  }
+  EXPECT_GT(arrivals, 50);
+}
+
+// ---- random maps
+
+// What a path keeps clear of at every millisecond follows from what is checked, kSamples times a primitive: at a sample
+// the robot's voxel is free, so its centre is farther than the dilation radius from what is occupied, and the robot
+// within half a voxel's diagonal of it. Between samples it travels from the nearest one in the same frame: half a
+// sample's time, or a whole one next to a change of frames.
+void check_clearance(const SearchResult& result, const SearchProblem& problem, const Sogm& occupied,
+                     const SearchLimits& limits, const SearchOptions& options) {
+  const double tau = 1e-6 * options.piece_us, speed = std::sqrt(3.0) * limits.v_max;
+  const double at_samples = kBlocked_m - std::sqrt(3.0) / 2 * occupied.geometry.resolution_m;
+  const std::int64_t sample_us = options.piece_us / kSamples;
+  for (std::int64_t since = 0; since <= std::int64_t{options.num_pieces} * options.piece_us; since += 1000) {
+    const std::int64_t utime = problem.start_utime + since, before = since / sample_us * sample_us;
+    const int frame = occupied.frame_at(utime);
+    std::int64_t away = kNever;
+    for (std::int64_t sample : {before, before + sample_us}) {
+      const Vector3d position = state_at(result, tau, 1e-6 * static_cast<double>(sample)).position;
+      if (!occupied.geometry.contains(occupied.geometry.voxel_of(position))) continue;  // nothing is known there
+      if (occupied.frame_at(problem.start_utime + sample) == frame) away = std::min(away, std::abs(since - sample));
+    }
+    if (away == kNever) continue;
+    const double required = at_samples - speed * 1e-6 * static_cast<double>(away) - 1e-9;
+    const Vector3d position = state_at(result, tau, 1e-6 * static_cast<double>(since)).position;
+    ASSERT_GE(distance_to_occupied(occupied, frame, position, kBlocked_m), required) << since << " us after the start";
+  }
+}
+
+TEST(KinodynamicSearchTest, PathsThroughRandomMapsAreFreeAndWithinLimits) {
+  Rng rng(5);
+  const SearchLimits limits;
+  const SearchOptions options;
+  KinodynamicSearch search(limits, options);
+  std::array<int, 3> seen{};
+  int left_blocked = 0;
+  for (int map = 0; map < 40; ++map) {
+    const Scene scene(
+        random_map(rng, uniform_int(rng, 2, 40), {5, 5, 3}, 10, kStart, uniform_int(rng, 150'000, 250'000)));
+    for (int trial = 0; trial < 6; ++trial) {
+      MotionState start = viable_state(rng, limits, 1e-6 * options.piece_us, {2.4, 2.4, 1.4});
+      if (trial % 2 == 0) start = at_rest(start.position);
+      const SearchProblem problem =
+          scene.problem(start, kStart + uniform_int(rng, 0, 150'000), in_box(rng, {-4, -4, -1.4}, {4, 4, 1.4}));
+      SearchResult result;
+      const SearchStatus status = search.find(problem, &result);
+      SCOPED_TRACE(testing::Message() << "map " << map << " trial " << trial << ": "
+                                      << describe(problem, result, status));
+      ASSERT_NO_FATAL_FAILURE(check_path(result, status, problem, limits, options));
+      ++seen[static_cast<std::size_t>(status)];
+      left_blocked += result.left_blocked;
+      if (status != SearchStatus::kPartial && !result.left_blocked) {
+        ASSERT_NO_FATAL_FAILURE(check_clearance(result, problem, scene.occupied, limits, options));
+      }
+    }
+  }
+  for (int count : seen) EXPECT_GT(count, 10);
+  EXPECT_GT(left_blocked, 10);
+}
+
+TEST(KinodynamicSearchTest, StaysInsideTheFlightSpace) {
+  Rng rng(6);
+  SearchLimits limits;
+  limits.space_min = {-1.0, -2.0, -0.5};
+  limits.space_max = {1.5, 2.0, 0.7};
+  KinodynamicSearch search(limits, SearchOptions{});
+  int partial = 0, at_border = 0;
+  for (int map = 0; map < 20; ++map) {
+    const Scene scene(random_map(rng, uniform_int(rng, 0, 12), {5, 5, 3}, 10, kStart, 200'000));
+    for (int trial = 0; trial < 8; ++trial) {
+      const Vector3d position = in_box(rng, limits.space_min, limits.space_max);
+      const SearchProblem problem = scene.problem(at_rest(position), kStart, in_cube(rng, 4));
+      SearchResult result;
+      const SearchStatus status = search.find(problem, &result);
+      SCOPED_TRACE(testing::Message() << "map " << map << " trial " << trial << ": "
+                                      << describe(problem, result, status));
+      partial += status == SearchStatus::kPartial;
+      if (status == SearchStatus::kPartial) continue;
+      double reach = -INFINITY;
+      for (double t = 0.0; t <= 2.0; t += 0.001) {
+        const Vector3d p = state_at(result, 0.2, t).position;
+        reach = std::max({reach, (limits.space_min - p).maxCoeff(), (p - limits.space_max).maxCoeff()});
+      }
+      // Between two samples, 25 ms apart, a position can peak by a_max dt^2 / 8 beyond them.
+      ASSERT_LE(reach, 5e-4);
+      at_border += reach > -0.05;
+    }
+  }
+  EXPECT_LT(partial, 40);
+  EXPECT_GT(at_border, 30);
+}
+
+TEST(KinodynamicSearchTest, HoveringInAStaticMapAlwaysSurvivesWhateverTheBudget) {
+  Rng rng(7);
+  for (int map = 0; map < 20; ++map) {
+    Sogm occupied = empty_map({5, 5, 3}, 0.1, 10, kStart, 200'000);
+    for (int i = 0; i < 25; ++i)
+      mark_moving(&occupied, in_box(rng, {-2.5, -2.5, -1.5}, {2.5, 2.5, 1.5}), Vector3d::Zero(), 0.3);
+    const Scene scene(occupied);
+    for (int trial = 0; trial < 10; ++trial) {
+      SearchOptions options;
+      options.max_expansions = 1 << uniform_int(rng, 0, 9);
+      KinodynamicSearch search(SearchLimits{}, options);
+      MotionState start;
+      do start = at_rest(in_box(rng, {-2.5, -2.5, -1.5}, {2.5, 2.5, 1.5}));
+      while (occupied_at(scene.blocked, start.position, kStart));
+      const SearchProblem problem = scene.problem(start, kStart, in_cube(rng, 5));
+      SearchResult result;
+      const SearchStatus status = search.find(problem, &result);
+      SCOPED_TRACE(testing::Message() << "map " << map << " trial " << trial << ", budget " << options.max_expansions
+                                      << ": " << describe(problem, result, status));
+      ASSERT_NE(status, SearchStatus::kPartial);
+      ASSERT_NO_FATAL_FAILURE(check_path(result, status, problem, SearchLimits{}, options));
+    }
+  }
+}
+
+// ---- exhaustive enumeration
+
+// All chains of primitives from the start, written from the header's and the paper's words: per axis the strongest
+// acceleration either way that leaves the speed limit within reach, the one that stops, and none; nearly equal ones
+// once.
+class Enumeration {
+ public:
+  Enumeration(const SearchProblem& problem, const SearchLimits& limits, const SearchOptions& options)
+      : problem_(problem), limits_(limits), options_(options), search_(limits, options), tau_(1e-6 * options.piece_us) {
+    start_blocked_ = occupied_at(*problem.blocked, problem.start.position, problem.start_utime);
+    brake_pieces_ = static_cast<int>(std::ceil(limits.v_max / (tau_ * a_lim()))) + 1;
+    walk(problem.start, 0, 0.0, false);
+  }
+  double least_total = INFINITY;    // cost + weight * time to the goal, of the ends that come to rest freely
+  std::int64_t longest_until = -1;  // of all nodes, braking from there
+  bool can_avoid_contact = false;   // some end comes to rest freely and passed no contact zone
+  int nodes = 0;
+
+  // Cost of the knots' first pieces and the remaining time to the goal: what the search minimises.
+  double total(const SearchResult& result) const {
+    double cost = 0.0;
+    const int depth = options_.num_pieces - brake_pieces_;
+    for (int k = 0; k < depth; ++k)
+      cost += piece_cost(result.knots[static_cast<std::size_t>(k)], result.knots[static_cast<std::size_t>(k) + 1], k);
+    return cost + options_.heuristic_weight * time_to_goal(result.knots[static_cast<std::size_t>(depth)]);
+  }
+
+ private:
+  double a_lim() const { return 0.98 * limits_.a_max; }
+
+  double time_to_goal(const MotionState& state) const {
+    double longest = 0.0, sum = 0.0;
+    for (int axis = 0; axis < 3; ++axis) {
+      const double t =
+          min_time_to_rest(problem_.goal[axis] - state.position[axis], state.velocity[axis], limits_.v_max, a_lim());
+      longest = std::max(longest, t);
+      sum += t;
+    }
+    return longest + 0.05 * (sum - longest);
+  }
+
+  // Samples that leave the flight space, or lie outside and farther than the one before.
+  bool strays(int axis, double p, double v, double a, double a1) const {
+    double before = p;
+    for (int i = 1; i <= kSamples; ++i) {
+      const double s = static_cast<double>(i) / kSamples, lag = s * s * s / 3 - s * s * s * s / 12;
+      const double now = p + tau_ * s * v + tau_ * tau_ * (s * s / 2 * a + lag * (a1 - a));
+      if ((now < limits_.space_min[axis] && now < before) || (now > limits_.space_max[axis] && now > before))
+        return true;
+      before = now;
+    }
+    return false;
+  }
+
+  std::vector<double> axis_choices(int axis, const MotionState& from) const {
+    const double p = from.position[axis], v = from.velocity[axis], a = from.acceleration[axis];
+    // After a1 and one more primitive to a = 0 the speed is v + tau/3 a + tau a1.
+    const double drift = v + tau_ / 3 * a;
+    const double most = std::min(a_lim(), std::max(-a_lim(), (limits_.v_max - drift) / tau_));
+    const double least = std::max(-a_lim(), std::min(a_lim(), (-limits_.v_max - drift) / tau_));
+    std::vector<double> wishes = {a_lim(), -a_lim(), std::clamp(-drift / tau_, least, most), 0.0};
+    if (std::abs(v) < options_.slow_mps / 2) wishes.insert(wishes.end(), {a_lim() / 4, -a_lim() / 4});
+    std::vector<double> choices;
+    for (double wish : wishes) {
+      const double a1 = std::clamp(wish, least, most);
+      const auto near_a1 = [&](double choice) { return std::abs(choice - a1) <= 0.05 * a_lim(); };
+      if (std::none_of(choices.begin(), choices.end(), near_a1) && !strays(axis, p, v, a, a1)) choices.push_back(a1);
+    }
+    return choices;
+  }
+
+  // INFINITY when blocked.
+  double piece_cost(const MotionState& from, const MotionState& to, int depth) const {
+    const ControlPoints points = quintic_control_points(from, to, tau_);
+    double cost = tau_ * (1.0 + options_.effort_weight * to.acceleration.squaredNorm());
+    for (int i = 1; i <= kSamples; ++i) {
+      const Vector3d p = evaluate_bezier(points, tau_, static_cast<double>(i) / kSamples).position;
+      const std::int64_t since = (std::int64_t{depth} * kSamples + i) * options_.piece_us / kSamples;
+      const std::int64_t utime = problem_.start_utime + since;
+      double weight = 0.0;
+      if (occupied_at(*problem_.near, p, utime)) weight += options_.near_weight;
+      if (occupied_at(*problem_.blocked, p, utime)) {
+        if (!start_blocked_ || since > static_cast<std::int64_t>(options_.leave_s * 1e6)) return INFINITY;
+        weight += options_.leave_weight;
+        if (occupied_at(*problem_.tight, p, utime)) weight += 9 * options_.leave_weight;
+        if (occupied_at(*problem_.contact, p, utime)) weight += 90 * options_.leave_weight;
+      }
+      cost += weight * tau_ / kSamples;
+    }
+    return cost;
+  }
+
+  // Brakes evenly, then hovers to the horizon: first blocked time.
+  std::int64_t brake(const MotionState& node, int depth) const {
+    SearchResult path;
+    path.knots[0] = node;
+    path.num_pieces = brake_pieces_;
+    const Vector3d drift = node.velocity + tau_ / 3 * node.acceleration;
+    for (int k = 1; k <= brake_pieces_; ++k) {
+      const Vector3d a1 = k < brake_pieces_ ? (-drift / (tau_ * (brake_pieces_ - 1))).eval() : Vector3d::Zero().eval();
+      path.knots[static_cast<std::size_t>(k)] = search_.propagate(path.knots[static_cast<std::size_t>(k) - 1], a1);
+    }
+    for (int i = 1; i <= (options_.num_pieces - depth) * kSamples; ++i) {
+      const std::int64_t since = (std::int64_t{depth} * kSamples + i) * options_.piece_us / kSamples;
+      if (start_blocked_ && since <= static_cast<std::int64_t>(options_.leave_s * 1e6)) continue;
+      if (occupied_at(*problem_.blocked, state_at(path, tau_, i * tau_ / kSamples).position,
+                      problem_.start_utime + since)) {
+        return problem_.start_utime + since;
+      }
+    }
+    return kNever;
+  }
+
+  bool touches(const MotionState& from, const MotionState& to, int depth) const {
+    const ControlPoints points = quintic_control_points(from, to, tau_);
+    for (int i = 1; i <= kSamples; ++i) {
+      const std::int64_t since = (std::int64_t{depth} * kSamples + i) * options_.piece_us / kSamples;
+      const Vector3d p = evaluate_bezier(points, tau_, static_cast<double>(i) / kSamples).position;
+      if (occupied_at(*problem_.contact, p, problem_.start_utime + since)) return true;
+    }
+    return false;
+  }
+
+  void walk(const MotionState& node, int depth, double cost, bool touched) {
+    ++nodes;
+    const std::int64_t until = brake(node, depth);
+    longest_until = std::max(longest_until, until);
+    if (depth == options_.num_pieces - brake_pieces_) {
+      if (until == kNever) {
+        least_total = std::min(least_total, cost + options_.heuristic_weight * time_to_goal(node));
+        can_avoid_contact = can_avoid_contact || !touched;
+      }
+      return;
+    }
+    std::array<std::vector<double>, 3> choices;
+    for (int axis = 0; axis < 3; ++axis) choices[static_cast<std::size_t>(axis)] = axis_choices(axis, node);
+    for (double x : choices[0]) {
+      for (double y : choices[1]) {
+        for (double z : choices[2]) {
+          const MotionState next = search_.propagate(node, {x, y, z});
+          const double added = piece_cost(node, next, depth);
+          if (added < INFINITY) walk(next, depth + 1, cost + added, touched || touches(node, next, depth));
+        }
+      }
+    }
+  }
+
+  const SearchProblem& problem_;
+  SearchLimits limits_;
+  SearchOptions options_;
+  KinodynamicSearch search_;
+  double tau_;
+  int brake_pieces_;
+  bool start_blocked_;
+};
+
+// With cells so small that nothing is pruned and a weight that keeps the heuristic consistent, the end found is the
+// best.
+TEST(KinodynamicSearchTest, FindsTheBestOfAllChains) {
+  Rng rng(8);
+  std::array<int, 3> seen{};
+  int left_blocked = 0, pruned = 0;
+  for (int trial = 0; trial < 120; ++trial) {
+    const bool flat = trial % 4 == 0;  // deeper, but in a slab too thin to leave the plane
+    SearchLimits limits;
+    SearchOptions options;
+    options.num_pieces = 3 + (flat ? 3 : 2);
+    options.max_expansions = 50'000;
+    options.heuristic_weight = trial % 3 == 0 ? 0.0 : uniform(rng, 0.0, 1.0 / 1.1);
+    options.cell_m = options.cell_mps = 1e-7;
+    if (trial % 8 != 0) options.slow_mps = 0.0;
+    const double tau = 1e-6 * options.piece_us;
+    const Scene scene(random_map(rng, uniform_int(rng, 2, 16), {3, 3, 2}, 6, kStart, 200'000));
+    MotionState start = viable_state(rng, limits, tau, {0.5, 0.5, 0.5});
+    if (trial % 2 == 0) start = at_rest(start.position);
+    Vector3d goal = in_cube(rng, 1);
+    goal *= 6.0 / goal.norm();  // out of reach: no shot at it
+    if (flat) {
+      limits.space_min.z() = start.position.z() - 0.01;
+      limits.space_max.z() = start.position.z() + 0.01;
+    }
+    const SearchProblem problem = scene.problem(start, kStart + uniform_int(rng, 0, 100'000), goal);
+    KinodynamicSearch search(limits, options);
+    SearchResult result;
+    const SearchStatus status = search.find(problem, &result);
+    const Enumeration all(problem, limits, options);
+    SCOPED_TRACE(testing::Message() << "trial " << trial << ", weight " << options.heuristic_weight << ", " << all.nodes
+                                    << " nodes: " << describe(problem, result, status));
+    ++seen[static_cast<std::size_t>(status)];
+    left_blocked += result.left_blocked;
+    if (all.least_total < INFINITY) {
+      ASSERT_EQ(status, SearchStatus::kSurvives);
+      ASSERT_NEAR(all.total(result), all.least_total, 1e-9);
+      pruned += all.nodes < 4000;
+    } else {
+      ASSERT_EQ(status == SearchStatus::kPartial, all.longest_until != kNever);
+      ASSERT_EQ(result.free_until_utime, all.longest_until);
+    }
+  }
+  EXPECT_GT(seen[1], 40);
+  EXPECT_GT(seen[2], 5);
+  EXPECT_GT(left_blocked, 10);
+  EXPECT_GT(pruned, 20);
+}
+
+// In a plane, from blocked space, with the goal in reach: what can leave without a touch does, but for few cases in
+// which the coarse closed set has pruned the way out.
+TEST(KinodynamicSearchTest, LeavesBlockedSpaceWithoutATouchWhereAChainCan) {
+  Rng rng(11);
+  int avoidable = 0, unavoidable = 0, touched = 0, partial = 0;
+  while (avoidable < 150) {
+    Sogm occupied = empty_map({3, 3, 0.6}, 0.1, 1, kStart, 200'000);
+    for (int i = 0; i < 4; ++i)
+      mark_ball(&occupied, 0, in_box(rng, {-1, -1, 0}, {1, 1, 0}), uniform(rng, 0.05, 0.3), true);
+    const Scene scene(occupied);
+    MotionState start = at_rest(in_box(rng, {-1, -1, 0}, {1, 1, 0}));
+    start.velocity = in_box(rng, {-1.8, -1.8, 0}, {1.8, 1.8, 0});
+    if (!occupied_at(scene.blocked, start.position, kStart) || occupied_at(scene.tight, start.position, kStart))
+      continue;
+    SearchLimits limits;
+    limits.space_min.z() = -0.01;
+    limits.space_max.z() = 0.01;
+    const SearchProblem problem = scene.problem(start, kStart, in_box(rng, {-1.5, -1.5, 0}, {1.5, 1.5, 0}));
+    SearchOptions shorter;
+    shorter.num_pieces = 6;
+    shorter.slow_mps = 0.0;  // the main choices suffice
+    if (!Enumeration(problem, limits, shorter).can_avoid_contact) {
+      ++unavoidable;
+      continue;
+    }
+    ++avoidable;
+    const SearchOptions options;
+    KinodynamicSearch search(limits, options);
+    SearchResult result;
+    const SearchStatus status = search.find(problem, &result);
+    SCOPED_TRACE(testing::Message() << describe(problem, result, status));
+    ASSERT_NO_FATAL_FAILURE(check_path(result, status, problem, limits, options));
+    partial += status == SearchStatus::kPartial;
+    bool touches = false;
+    for (int i = 1; i <= 18; ++i) {
+      touches = touches || occupied_at(scene.contact, state_at(result, 0.2, 0.025 * i).position, kStart);
+    }
+    touched += touches;
+  }
+  EXPECT_EQ(touched, 0);
+  EXPECT_LE(partial, 3);
+  EXPECT_GT(unavoidable, 5);
+}
+
+// ---- single scenes
+
+TEST(KinodynamicSearchTest, FollowsAMovingGoalThroughAStaticMap) {
+  Rng rng(9);
+  const SearchLimits limits;
+  const SearchOptions options;
+  KinodynamicSearch search(limits, options);
+  for (int trial = 0; trial < 5; ++trial) {
+    Sogm occupied = empty_map({7, 7, 3}, 0.1, 1, kStart, 200'000);
+    for (int i = 0; i < 6; ++i)
+      mark_moving(&occupied, in_box(rng, {-1, -1, -1.5}, {1, 1, 1.5}), Vector3d::Zero(), 0.2, true);
+    const Scene scene(occupied);
+    SearchResult plan;  // the one flown
+    plan.num_pieces = 0;
+    plan.knots[0] = at_rest({2.2, 0, 0});
+    int at_piece = 0;
+    double farthest = 0.0;
+    for (int step = 0; step < 60; ++step) {
+      const double angle = 0.08 * std::min(step, 50);  // 0.9 m/s, then it stops
+      const SearchProblem problem =
+          scene.problem(plan.knots[static_cast<std::size_t>(at_piece)], kStart + step * 200'000,
+                        {2.2 * std::cos(angle), 2.2 * std::sin(angle), 0.2});
+      SearchResult result;
+      const SearchStatus status = search.find(problem, &result);
+      SCOPED_TRACE(testing::Message() << "trial " << trial << " step " << step << ": "
+                                      << describe(problem, result, status));
+      ASSERT_NO_FATAL_FAILURE(check_path(result, status, problem, limits, options));
+      ASSERT_NE(status, SearchStatus::kPartial);
+      if (step > 5) farthest = std::max(farthest, (problem.goal - problem.start.position).norm());
+      plan = result;
+      at_piece = 1;
+      ASSERT_TRUE(step < 59 || (problem.goal - problem.start.position).norm() < 1e-6);
+    }
+    EXPECT_LT(farthest, 1.0) << "trial " << trial;
+  }
+}
+
+TEST(KinodynamicSearchTest, AGoalCountsOnlyWhenItStaysFree) {
+  const SearchLimits limits;
+  const SearchOptions options;
+  KinodynamicSearch search(limits, options);
+  SearchResult result;
+  const Vector3d goal(1.2, 0.03, 0.02);
+  const auto find = [&](const Sogm& occupied) {
+    const Scene scene(occupied);
+    const SearchProblem problem = scene.problem(at_rest({-0.31, 0.03, 0.02}), kStart, goal);
+    const SearchStatus status = search.find(problem, &result);
+    SCOPED_TRACE(describe(problem, result, status));
+    check_path(result, status, problem, limits, options);
+    return status;
+  };
+  const Sogm empty = empty_map({5, 5, 3}, 0.1, 10, kStart, 200'000);
+  EXPECT_EQ(find(empty), SearchStatus::kGoal);
+  EXPECT_LE(result.num_pieces, 8);
+
+  Sogm always = empty;
+  mark_moving(&always, goal, Vector3d::Zero(), 0.2);
+  EXPECT_EQ(find(always), SearchStatus::kSurvives);
+  const double left = (result.knots[static_cast<std::size_t>(result.num_pieces)].position - goal).norm();
+  EXPECT_GT(left, 0.4);  // free
+  EXPECT_LT(left, 0.9);  // but as near as may be
+
+  Sogm early = empty, late = empty;
+  mark_box(&early, goal - Vector3d::Constant(0.2), goal + Vector3d::Constant(0.2), 0, 3);
+  mark_box(&late, goal - Vector3d::Constant(0.2), goal + Vector3d::Constant(0.2), 9, 9);
+  EXPECT_EQ(find(early), SearchStatus::kGoal);
+  EXPECT_EQ(find(late), SearchStatus::kSurvives);
+}
+
+TEST(KinodynamicSearchTest, LeavesBlockedSpaceWithoutTouching) {
+  const SearchLimits limits;
+  SearchOptions options;
+  Sogm occupied = empty_map({5, 5, 3}, 0.1, 10, kStart, 200'000);
+  mark_box(&occupied, {0.2, -9, -9}, {0.3, 9, 9});  // one voxel thick, at x = 0.25; the goal lies behind it
+  const Scene scene(occupied);
+  MotionState start = at_rest({-0.049, 0.01, 0.02});
+  start.velocity.x() = 0.8;  // able to stop before the contact zone
+  const SearchProblem problem = scene.problem(start, kStart, {2, 0, 0});
+  const auto find = [&](SearchResult* result) {
+    KinodynamicSearch search(limits, options);
+    const SearchStatus status = search.find(problem, result);
+    SCOPED_TRACE(describe(problem, *result, status));
+    check_path(*result, status, problem, limits, options);
+    EXPECT_NE(status, SearchStatus::kPartial);
+    EXPECT_TRUE(result->left_blocked);
+  };
+  SearchResult result;
+  find(&result);
+  for (double t = 0.0; t < 2.0; t += 0.001) {
+    const Vector3d p = state_at(result, 0.2, t).position;
+    ASSERT_FALSE(occupied_at(scene.contact, p, kStart)) << "at " << t << " s: " << p.transpose();
+    ASSERT_TRUE(t < options.leave_s || !occupied_at(scene.blocked, p, kStart)) << "at " << t << " s: " << p.transpose();
+  }
+  EXPECT_LT(result.knots[static_cast<std::size_t>(result.num_pieces)].position.x(), -0.05);
+
+  options.leave_weight = 0.0;  // what keeps it from dashing through the wall
+  find(&result);
+  EXPECT_GT(result.knots[static_cast<std::size_t>(result.num_pieces)].position.x(), 0.55);
+}
+
+TEST(KinodynamicSearchTest, WithNoWayOutTheMotionIsFreeAsLongAsAnyCanBe) {
+  const SearchLimits limits;
+  const SearchOptions options;
+  KinodynamicSearch search(limits, options);
+  Sogm occupied = empty_map({9, 9, 9}, 0.2, 10, kStart, 200'000);
+  mark_box(&occupied, Vector3d::Constant(-9), Vector3d::Constant(9), 6, 9);
+  const Scene scene(occupied);
+  const SearchProblem problem = scene.problem(at_rest({0.1, 0.1, 0.1}), kStart + 10'000, {1, 0.5, 0});
+  SearchResult result;
+  ASSERT_EQ(search.find(problem, &result), SearchStatus::kPartial);
+  ASSERT_NO_FATAL_FAILURE(check_path(result, SearchStatus::kPartial, problem, limits, options));
+  EXPECT_EQ(result.free_until_utime, kStart + 1'210'000);  // the first sample in frame 6
+
+  // Where the goal lies the end comes while braking; elsewhere one frame later.
+  Sogm split = empty_map({9, 9, 9}, 0.2, 10, kStart, 200'000);
+  mark_box(&split, {0.6, -9, -9}, {9, 9, 9}, 8, 8);
+  mark_box(&split, Vector3d::Constant(-9), Vector3d::Constant(9), 9, 9);
+  const Scene later(split);
+  ASSERT_EQ(search.find(later.problem(at_rest({0.1, 0.1, 0.1}), kStart, {3, 0, 0}), &result), SearchStatus::kPartial);
+  EXPECT_EQ(result.free_until_utime, kStart + 1'800'000);
+}
+
+TEST(KinodynamicSearchTest, KeepsOutOfTheNearZoneWhereThatCostsLittle) {
+  const SearchLimits limits;
+  SearchOptions options;
+  Sogm occupied = empty_map({6, 6, 3}, 0.1, 10, kStart, 200'000);
+  mark_moving(&occupied, {0, -0.3, 0}, Vector3d::Zero(), 0.08, true);  // beside the straight way
+  const Scene scene(occupied);
+  const SearchProblem problem = scene.problem(at_rest({-0.51, 0.01, 0.02}), kStart, {9, 0.01, 0.02});
+  const auto samples_near = [&] {
+    KinodynamicSearch search(limits, options);
+    SearchResult result;
+    const SearchStatus status = search.find(problem, &result);
+    EXPECT_NE(status, SearchStatus::kPartial);
+    int count = 0;
+    for (double t = 0.0; t < 2.0; t += 0.005)
+      count += occupied_at(scene.near, state_at(result, 0.2, t).position, kStart);
+    return count;
+  };
+  const int avoiding = samples_near();
+  options.near_weight = 0.0;
+  EXPECT_LT(avoiding, samples_near());
+}
+
+TEST(KinodynamicSearchTest, RepeatsBitForBit) {
+  Rng rng(10);
+  const SearchLimits limits;
+  const SearchOptions options;
+  KinodynamicSearch search(limits, options);
+  for (int trial = 0; trial < 20; ++trial) {
+    const Scene scene(random_map(rng, 25, {5, 5, 3}, 10, kStart, 200'000));
+    const MotionState start = viable_state(rng, limits, 0.2, {2, 2, 1});
+    const SearchProblem problem = scene.problem(start, kStart, in_cube(rng, 3));
+    SearchResult first, second;
+    const SearchStatus status = search.find(problem, &first);
+    KinodynamicSearch fresh(limits, options);
+    ASSERT_EQ(fresh.find(problem, &second), status) << describe(problem, first, status);
+    ASSERT_EQ(second.expansions, first.expansions);
+    ASSERT_EQ(second.num_pieces, first.num_pieces);
+    ASSERT_EQ(second.free_until_utime, first.free_until_utime);
+    for (int k = 0; k <= first.num_pieces; ++k) {
+      const auto i = static_cast<std::size_t>(k);
+      ASSERT_EQ(second.knots[i].position, first.knots[i].position) << k;
+      ASSERT_EQ(second.knots[i].velocity, first.knots[i].velocity) << k;
+      ASSERT_EQ(second.knots[i].acceleration, first.knots[i].acceleration) << k;
+    }
+  }
+}
+
+TEST(KinodynamicSearchTest, RefusesAHorizonThatCannotHoldTheBraking) {
+  const auto error = [](double v_max, int pieces) -> std::string {
+    SearchLimits limits;
+    limits.v_max = v_max;
+    SearchOptions options;
+    options.num_pieces = pieces;
+    try {
+      KinodynamicSearch search(limits, options);
+    } catch (const std::invalid_argument& e) {
+      return e.what();
+    }
+    return "";
+  };
+  EXPECT_EQ(error(2.0, 4), "");
+  EXPECT_EQ(error(2.0, Trajectory::kMaxPieces), "");
+  for (int pieces : {-1, 0, 3, Trajectory::kMaxPieces + 1}) {
+    EXPECT_NE(error(2.0, pieces).find("horizon: " + std::to_string(pieces) + " pieces"), std::string::npos)
+        << error(2.0, pieces);
+    EXPECT_NE(error(2.0, pieces).find("at least 4"), std::string::npos) << error(2.0, pieces);
+  }
+  EXPECT_NE(error(12.0, Trajectory::kMaxPieces), "");  // braking from 12 m/s takes 2.04 s of the 2 s
+}
+
+}  // namespace
+}  // namespace swarm
