@@ -99,7 +99,7 @@ KinodynamicSearch::AxisOptions KinodynamicSearch::axis_options(int axis, const M
   const double high = std::clamp((limits_.v_max - drift) / tau_, -a_lim_, a_lim_);
   const double low = std::clamp((-limits_.v_max - drift) / tau_, -a_lim_, a_lim_);
   const double rest = std::clamp(-drift / tau_, low, high);  // at rest one primitive later, or as near as may be
-  const double gentle = std::abs(v) < 0.5 * options_.slow_mps ? 0.25 * a_lim_ : 0.0;
+  const double gentle = problem_.fine && std::abs(v) < 0.5 * options_.slow_mps ? 0.25 * a_lim_ : 0.0;
   AxisOptions options;
   for (double wanted : {a_lim_, -a_lim_, rest, 0.0, gentle, -gentle}) {
     const double a1 = std::clamp(wanted, low, high);
@@ -300,6 +300,7 @@ SearchStatus KinodynamicSearch::find(const SearchProblem& problem, SearchResult*
   problem_ = problem;
   result->expansions = 0;
   result->free_until_utime = kNever;
+  result->settled = false;
   const Sogm& blocked = *problem.blocked;
   start_blocked_ =
       blocked.occupied(blocked.frame_at(problem.start_utime), blocked.geometry.voxel_of(problem.start.position));
@@ -341,6 +342,7 @@ SearchStatus KinodynamicSearch::find(const SearchProblem& problem, SearchResult*
 }
 
 SearchStatus KinodynamicSearch::settle(SearchResult* result) {
+  result->settled = true;
   std::sort(expanded_.begin(), expanded_.end(), [this](std::int32_t a, std::int32_t b) {
     const double to_a = nodes_[a].cost + options_.heuristic_weight * nodes_[a].time_to_goal - nodes_[a].depth * tau_;
     const double to_b = nodes_[b].cost + options_.heuristic_weight * nodes_[b].time_to_goal - nodes_[b].depth * tau_;

@@ -50,6 +50,7 @@ struct SearchProblem {
   // same geometry.
   const Sogm* tight = nullptr;
   const Sogm* contact = nullptr;
+  bool fine = true;                    // slow nodes manoeuvre finely (see slow_mps): narrow places, at a price
   bool emergency = false;              // nothing survives: blocked space may be passed, at the cost of leaving it
   const Guidance* guidance = nullptr;  // around what stands still; null: none
 };
@@ -66,6 +67,7 @@ struct SearchResult {
   int num_pieces = 0;                 // up to rest: fewer than the horizon when it rests at the goal earlier
   std::int64_t free_until_utime = 0;  // the path meets blocked space then; INT64_MAX: never within the map
   int expansions = 0;
+  bool settled = false;       // the budget was spent or nothing was left to expand: the best of what was seen
   bool left_blocked = false;  // it started in blocked space
 };
 

@@ -100,8 +100,18 @@ SearchStatus Planner::search(const PlanRequest& request) {
   const bool start_blocked =
       blocked_.occupied(blocked_.frame_at(request.start_utime), blocked_.geometry.voxel_of(problem.start.position));
   if (start_blocked) dilate_emergency_zones();
+  problem.fine = false;
   SearchStatus status = search_.find(problem, &path_);
   result_.expansions = path_.expansions;
+  if (path_.settled) {  // stuck: look again with finer steps
+    problem.fine = true;
+    const SearchStatus fine_status = search_.find(problem, &fine_path_);
+    result_.expansions += fine_path_.expansions;
+    if (fine_status != SearchStatus::kPartial || status == SearchStatus::kPartial) {
+      std::swap(path_, fine_path_);
+      status = fine_status;
+    }
+  }
   if (status == SearchStatus::kPartial) {  // nothing survives: find what comes least near
     if (!start_blocked) dilate_emergency_zones();
     problem.emergency = true;

@@ -94,7 +94,7 @@ class Planner {
   SplineProblem problem_;
   SplineSolution solution_;
   Sogm occupied_, blocked_, near_, tight_, contact_;
-  SearchResult path_;
+  SearchResult path_, fine_path_;
   PlanResult result_;
 };
 

@@ -25,7 +25,7 @@ TEST(FlightTest, CrossesAmongColumnsAndRings) {
 }
 
 TEST(FlightTest, SwapsSidesAmongColumns) {
-  fly(make_world(Task::kBilateral, Environment::kPure, 20, 4, {}));
+  fly(make_world(Task::kBilateral, Environment::kPure, 20, 5, {}));
 }
 
 TEST(FlightTest, EightRobotsSwapPlacesOnACircle) {

@@ -7,7 +7,6 @@
 #include <algorithm>
 #include <array>
 #include <boost/asio/posix/stream_descriptor.hpp>
-#include <boost/asio/signal_set.hpp>
 #include <boost/asio/steady_timer.hpp>
 #include <chrono>
 #include <cstdlib>
@@ -27,6 +26,7 @@ using std::chrono::steady_clock;
 // The longest sleep: a system clock that jumps delays a step by no more than this.
 constexpr microseconds kMaxSleep = 100ms;
 constexpr microseconds kClockJump = 50ms;
+constexpr std::uint64_t kMaxReplayUtime = std::uint64_t{1} << 53;  // as validated
 
 // Lets one warning per second pass.
 class RateLimit {
@@ -60,8 +60,12 @@ std::int64_t wall_utime() {
 class RealtimeHost::Seat : public Outbox {
  public:
   Seat(boost::asio::io_context& io, std::string name, Node& node, const std::string& onboard_url,
-       const std::string& swarm_url)
-      : name_(std::move(name)), node_(node), timer_(io), clock_offset_us_(clock_offset_us()) {
+       const std::string& swarm_url, TimeSource time_source)
+      : name_(std::move(name)),
+        node_(node),
+        time_source_(time_source),
+        timer_(io),
+        clock_offset_us_(clock_offset_us()) {
     open(io, BusId::kOnboard, onboard_url);
     open(io, BusId::kSwarm, swarm_url);
     std::array<std::string, 2> channels;
@@ -70,7 +74,8 @@ class RealtimeHost::Seat : public Outbox {
       const auto& bus = port(id).bus;
       if (!bus) throw std::invalid_argument(name_ + " listens to " + subscription.channel + " on a bus without URL");
       bus->subscribe(subscription.channel, [this, id](std::string_view channel, std::span<const std::uint8_t> bytes) {
-        node_.on_message(wall_utime(), id, channel, bytes, *this);
+        if (time_source_ == TimeSource::kMessages) follow(bytes);
+        node_.on_message(now(), id, channel, bytes, *this);
       });
       channels[static_cast<std::size_t>(id)] += " " + subscription.channel;
     }
@@ -124,12 +129,25 @@ class RealtimeHost::Seat : public Outbox {
 
   void step() {
     watch_clock();
-    const std::int64_t next = node_.step(wall_utime(), *this);
-    const microseconds sleep(std::clamp<std::int64_t>(next - wall_utime(), 0, kMaxSleep.count()));
+    const std::int64_t next = node_.step(now(), *this);
+    const microseconds sleep(std::clamp<std::int64_t>(next - now(), 0, kMaxSleep.count()));
     timer_.expires_after(sleep);
     timer_.async_wait([this](const boost::system::error_code& error) {
       if (!error) step();
     });
+  }
+
+  std::int64_t now() const { return wall_utime() + replay_offset_us_; }
+
+  // Replayed messages are old: their time is now. The header's utime has the same place in every message.
+  void follow(std::span<const std::uint8_t> bytes) {
+    constexpr std::size_t kUtimeAt = 28;
+    if (bytes.size() < kUtimeAt + 8) return;
+    std::uint64_t utime = 0;
+    for (std::size_t i = 0; i < 8; ++i) utime = utime << 8 | bytes[kUtimeAt + i];
+    if (utime > kMaxReplayUtime) return;
+    const std::int64_t offset = static_cast<std::int64_t>(utime) - wall_utime();
+    if (std::abs(offset - replay_offset_us_) > kClockJump.count()) replay_offset_us_ = offset;
   }
 
   static std::int64_t clock_offset_us() {
@@ -147,23 +165,24 @@ class RealtimeHost::Seat : public Outbox {
 
   std::string name_;
   Node& node_;
+  TimeSource time_source_;
+  std::int64_t replay_offset_us_ = 0;
   std::array<Port, 2> ports_;
   boost::asio::steady_timer timer_;
   std::int64_t clock_offset_us_;
   RateLimit send_warnings_, clock_warnings_;
 };
 
-RealtimeHost::RealtimeHost() = default;
+RealtimeHost::RealtimeHost() : signals_(io_, SIGINT, SIGTERM) {}
 RealtimeHost::~RealtimeHost() = default;
 
 void RealtimeHost::add(const std::string& name, Node& node, const std::string& onboard_url,
-                       const std::string& swarm_url) {
-  seats_.push_back(std::make_unique<Seat>(io_, name, node, onboard_url, swarm_url));
+                       const std::string& swarm_url, TimeSource time_source) {
+  seats_.push_back(std::make_unique<Seat>(io_, name, node, onboard_url, swarm_url, time_source));
 }
 
 void RealtimeHost::run() {
-  boost::asio::signal_set signals(io_, SIGINT, SIGTERM);
-  signals.async_wait([this](const boost::system::error_code& error, int signal) {
+  signals_.async_wait([this](const boost::system::error_code& error, int signal) {
     if (error) return;
     spdlog::info("stopped by {}", signal == SIGINT ? "SIGINT" : "SIGTERM");
     io_.stop();
@@ -172,9 +191,10 @@ void RealtimeHost::run() {
   io_.run();
 }
 
-int run_node(const std::string& name, Node& node, const std::string& onboard_url, const std::string& swarm_url) {
+int run_node(const std::string& name, Node& node, const std::string& onboard_url, const std::string& swarm_url,
+             TimeSource time_source) {
   RealtimeHost host;
-  host.add(name, node, onboard_url, swarm_url);
+  host.add(name, node, onboard_url, swarm_url, time_source);
   host.run();
   return EXIT_SUCCESS;
 }
@@ -190,11 +210,13 @@ int daemon_main(const std::string& program, const std::string& usage, int argc, 
     std::string swarm_url = buses == DaemonBuses::kOnboardAndSwarm ? kDefaultSwarmUrl : "";
     OptionSet options(program, usage);
     declare(options);
+    bool replay = false;
+    options.add("replay", &replay, "take the time from the messages instead of the clock: for replayed logs");
     options.add("onboard-url", &onboard_url, "bus inside the robot, one port per robot", check_url);
     if (!swarm_url.empty()) options.add("swarm-url", &swarm_url, "bus between the robots, another port", check_url);
     if (options.parse(argc, argv, std::cout) == OptionSet::Parsed::kExit) return EXIT_SUCCESS;
     const std::unique_ptr<Node> node = make_node();
-    return run_node(program, *node, onboard_url, swarm_url);
+    return run_node(program, *node, onboard_url, swarm_url, replay ? TimeSource::kMessages : TimeSource::kClock);
   } catch (const std::exception& error) {
     std::cerr << program << ": " << error.what() << std::endl;
     return 2;

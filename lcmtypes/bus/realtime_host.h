@@ -3,6 +3,7 @@
 #pragma once
 
 #include <boost/asio/io_context.hpp>
+#include <boost/asio/signal_set.hpp>
 #include <functional>
 #include <memory>
 #include <string>
@@ -20,6 +21,9 @@ inline constexpr char kDefaultSwarmUrl[] = "udpm://239.255.76.68:7667?ttl=1";
 // Microseconds since the epoch, by the system clock.
 std::int64_t wall_utime();
 
+// kMessages: the newest message's time, carried on by the clock, so that a replayed log is not refused as old.
+enum class TimeSource { kClock, kMessages };
+
 // One thread, one event loop, any number of nodes, each with buses of its own.
 class RealtimeHost {
  public:
@@ -28,7 +32,8 @@ class RealtimeHost {
 
   // Puts a node on its buses; an empty URL stands for a bus that it has not. `name` is for the log. Throws what LcmBus
   // throws, and std::invalid_argument when the node subscribes to a bus that it has not. `node` must outlive the host.
-  void add(const std::string& name, Node& node, const std::string& onboard_url, const std::string& swarm_url);
+  void add(const std::string& name, Node& node, const std::string& onboard_url, const std::string& swarm_url,
+           TimeSource time_source = TimeSource::kClock);
 
   // Until SIGTERM, SIGINT or stop(). What a node throws comes out here.
   void run();
@@ -40,11 +45,13 @@ class RealtimeHost {
  private:
   class Seat;
   boost::asio::io_context io_;
+  boost::asio::signal_set signals_;  // held from the start, so that a signal before run() ends run()
   std::vector<std::unique_ptr<Seat>> seats_;
 };
 
 // Runs one node until SIGTERM or SIGINT; returns the exit code 0.
-int run_node(const std::string& name, Node& node, const std::string& onboard_url, const std::string& swarm_url);
+int run_node(const std::string& name, Node& node, const std::string& onboard_url, const std::string& swarm_url,
+             TimeSource time_source = TimeSource::kClock);
 
 enum class DaemonBuses { kOnboard, kOnboardAndSwarm };
 
