@@ -13,7 +13,7 @@
 namespace swarm {
 
 // Written from the header's words: per axis the strongest acceleration either way that leaves the speed limit within
-// reach, the one that stops, none, and gentle ones at low speed; nearly equal ones once.
+// reach, the one that stops, none, and, where steps are fine, gentle ones at low speed; nearly equal ones once.
 class ExhaustiveSearch {
  public:
   ExhaustiveSearch(const SearchProblem& problem, const SearchLimits& limits, const SearchOptions& options)
@@ -70,7 +70,7 @@ class ExhaustiveSearch {
     const double most = std::min(a_lim(), std::max(-a_lim(), (limits_.v_max - drift) / tau_));
     const double least = std::max(-a_lim(), std::min(a_lim(), (-limits_.v_max - drift) / tau_));
     std::vector<double> wishes = {a_lim(), -a_lim(), std::clamp(-drift / tau_, least, most), 0.0};
-    if (std::abs(v) < options_.slow_mps / 2) wishes.insert(wishes.end(), {a_lim() / 4, -a_lim() / 4});
+    if (problem_.fine && std::abs(v) < options_.slow_mps / 2) wishes.insert(wishes.end(), {a_lim() / 4, -a_lim() / 4});
     std::vector<double> choices;
     for (double wish : wishes) {
       const double a1 = std::clamp(wish, least, most);

@@ -134,7 +134,7 @@ TEST(KinodynamicSearchTest, KeepsLimitsInEmptySpaceAndArrivesInTime) {
   Rng rng(4);
   const Scene scene(empty_map({2, 2, 2}, 0.2, 1, kStart, 200'000));
   int arrivals = 0;
-  for (int trial = 0; trial < 400; ++trial) {
+  for (int trial = 0; trial < 200; ++trial) {
     SearchLimits limits;
     limits.v_max = uniform(rng, 1.0, 2.5);
     limits.a_max = uniform(rng, 3.0, 9.0);
@@ -165,7 +165,7 @@ TEST(KinodynamicSearchTest, KeepsLimitsInEmptySpaceAndArrivesInTime) {
       ASSERT_EQ(result.num_pieces, options.num_pieces);
     }
   }
-  EXPECT_GT(arrivals, 50);
+  EXPECT_GT(arrivals, 25);
 }
 
 // ---- random maps
@@ -202,7 +202,7 @@ TEST(KinodynamicSearchTest, PathsThroughRandomMapsAreFreeAndWithinLimits) {
   KinodynamicSearch search(limits, options);
   std::array<int, 3> seen{};
   int left_blocked = 0;
-  for (int map = 0; map < 40; ++map) {
+  for (int map = 0; map < 18; ++map) {
     const Scene scene(
         random_map(rng, uniform_int(rng, 2, 40), {5, 5, 3}, 10, kStart, uniform_int(rng, 150'000, 250'000)));
     for (int trial = 0; trial < 6; ++trial) {
@@ -222,8 +222,8 @@ TEST(KinodynamicSearchTest, PathsThroughRandomMapsAreFreeAndWithinLimits) {
       }
     }
   }
-  for (int count : seen) EXPECT_GT(count, 10);
-  EXPECT_GT(left_blocked, 10);
+  for (int count : seen) EXPECT_GT(count, 3);
+  EXPECT_GT(left_blocked, 5);
 }
 
 TEST(KinodynamicSearchTest, StaysInsideTheFlightSpace) {
@@ -233,7 +233,7 @@ TEST(KinodynamicSearchTest, StaysInsideTheFlightSpace) {
   limits.space_max = {1.5, 2.0, 0.7};
   KinodynamicSearch search(limits, SearchOptions{});
   int partial = 0, at_border = 0;
-  for (int map = 0; map < 20; ++map) {
+  for (int map = 0; map < 10; ++map) {
     const Scene scene(random_map(rng, uniform_int(rng, 0, 12), {5, 5, 3}, 10, kStart, 200'000));
     for (int trial = 0; trial < 8; ++trial) {
       const Vector3d position = in_box(rng, limits.space_min, limits.space_max);
@@ -254,8 +254,8 @@ TEST(KinodynamicSearchTest, StaysInsideTheFlightSpace) {
       at_border += reach > -0.05;
     }
   }
-  EXPECT_LT(partial, 40);
-  EXPECT_GT(at_border, 30);
+  EXPECT_LT(partial, 20);
+  EXPECT_GT(at_border, 15);
 }
 
 TEST(KinodynamicSearchTest, HoveringInAStaticMapAlwaysSurvivesWhateverTheBudget) {
@@ -291,7 +291,7 @@ TEST(KinodynamicSearchTest, FindsTheBestOfAllChains) {
   Rng rng(8);
   std::array<int, 3> seen{};
   int left_blocked = 0, pruned = 0;
-  for (int trial = 0; trial < 120; ++trial) {
+  for (int trial = 0; trial < 60; ++trial) {
     const bool flat = trial % 4 == 0;  // deeper, but in a slab too thin to leave the plane
     SearchLimits limits;
     SearchOptions options;
@@ -299,7 +299,6 @@ TEST(KinodynamicSearchTest, FindsTheBestOfAllChains) {
     options.max_expansions = 50'000;
     options.heuristic_weight = trial % 3 == 0 ? 0.0 : uniform(rng, 0.0, 1.0 / 1.1);
     options.cell_m = options.cell_mps = 1e-7;
-    if (trial % 8 != 0) options.slow_mps = 0.0;
     const double tau = 1e-6 * options.piece_us;
     const Scene scene(random_map(rng, uniform_int(rng, 2, 16), {3, 3, 2}, 6, kStart, 200'000));
     MotionState start = viable_state(rng, limits, tau, {0.5, 0.5, 0.5});
@@ -310,7 +309,8 @@ TEST(KinodynamicSearchTest, FindsTheBestOfAllChains) {
       limits.space_min.z() = start.position.z() - 0.01;
       limits.space_max.z() = start.position.z() + 0.01;
     }
-    const SearchProblem problem = scene.problem(start, kStart + uniform_int(rng, 0, 100'000), goal);
+    SearchProblem problem = scene.problem(start, kStart + uniform_int(rng, 0, 100'000), goal);
+    problem.fine = trial % 12 == 0;
     KinodynamicSearch search(limits, options);
     SearchResult result;
     const SearchStatus status = search.find(problem, &result);
@@ -328,10 +328,10 @@ TEST(KinodynamicSearchTest, FindsTheBestOfAllChains) {
       ASSERT_EQ(result.free_until_utime, all.longest_until);
     }
   }
-  EXPECT_GT(seen[1], 40);
+  EXPECT_GT(seen[1], 20);
   EXPECT_GT(seen[2], 5);
-  EXPECT_GT(left_blocked, 10);
-  EXPECT_GT(pruned, 20);
+  EXPECT_GT(left_blocked, 5);
+  EXPECT_GT(pruned, 10);
 }
 
 // In a plane, from blocked space, with the goal in reach: what can leave without a touch does, but for few cases in
@@ -339,7 +339,7 @@ TEST(KinodynamicSearchTest, FindsTheBestOfAllChains) {
 TEST(KinodynamicSearchTest, LeavesBlockedSpaceWithoutATouchWhereAChainCan) {
   Rng rng(11);
   int avoidable = 0, unavoidable = 0, touched = 0, partial = 0;
-  while (avoidable < 150) {
+  while (avoidable < 100) {
     Sogm occupied = empty_map({3, 3, 0.6}, 0.1, 1, kStart, 200'000);
     for (int i = 0; i < 4; ++i)
       mark_ball(&occupied, 0, in_box(rng, {-1, -1, 0}, {1, 1, 0}), uniform(rng, 0.05, 0.3), true);
@@ -354,8 +354,9 @@ TEST(KinodynamicSearchTest, LeavesBlockedSpaceWithoutATouchWhereAChainCan) {
     const SearchProblem problem = scene.problem(start, kStart, in_box(rng, {-1.5, -1.5, 0}, {1.5, 1.5, 0}));
     SearchOptions shorter;
     shorter.num_pieces = 6;
-    shorter.slow_mps = 0.0;  // the main choices suffice
-    if (!ExhaustiveSearch(problem, limits, shorter).can_avoid_contact) {
+    SearchProblem coarse = problem;
+    coarse.fine = false;
+    if (!ExhaustiveSearch(coarse, limits, shorter).can_avoid_contact) {
       ++unavoidable;
       continue;
     }

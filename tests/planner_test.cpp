@@ -208,7 +208,7 @@ TEST(PlannerTest, FindsTheGapInAWall) {
     mark_box(sogm, {0.0, 1.4, -9}, {0.2, 9, 9});  // a gap of 1 m
   };
   Flight flight{hovering({-2.5, -0.5, 0.02}), {}};
-  ASSERT_NO_FATAL_FAILURE(flight.run(flat_config(), goal, 7.0, wall));
+  ASSERT_NO_FATAL_FAILURE(flight.run(flat_config(), goal, 5.5, wall));
   EXPECT_EQ(flight.unsafe, 0);
   EXPECT_LT(flight.arrival_s(goal), 5.5);
   double least = INFINITY;
@@ -229,7 +229,7 @@ TEST(PlannerTest, LetsAMovingColumnPass) {
   };  // at (0, 0) when the robot would be
   const auto draw = [&](double t, Sogm* sogm) { mark_moving(sogm, column_at(t), {0, -0.8, 0}, 0.4, true); };
   Flight flight{hovering({-3, 0.03, 0.02}), {}};
-  ASSERT_NO_FATAL_FAILURE(flight.run(flat_config(), goal, 6.5, draw));
+  ASSERT_NO_FATAL_FAILURE(flight.run(flat_config(), goal, 5.5, draw));
   EXPECT_EQ(flight.unsafe, 0);
   EXPECT_LT(flight.arrival_s(goal), 5.5);
   for (std::size_t i = 0; i < flight.states.size(); ++i) {
@@ -340,8 +340,8 @@ TEST(PlannerTest, SmoothingLowersTheJerkOfTheSearchedPathInsideItsCorridors) {
   const PlannerConfig config = flat_config();
   Planner planner(config);
   KinodynamicSearch search(config.limits, config.search);
-  int smooth = 0, much_better = 0;
-  for (int trial = 0; trial < 60; ++trial) {
+  int compared = 0, much_better = 0;
+  for (int trial = 0; trial < 30; ++trial) {
     Sogm sogm = map_at(kStart);
     for (int i = 0; i < 12; ++i)
       mark_moving(&sogm, in_box(rng, {-4, -3, -1}, {4, 3, 1}), in_cube(rng, 0.8), 0.3, i % 2 == 0);
@@ -349,7 +349,6 @@ TEST(PlannerTest, SmoothingLowersTheJerkOfTheSearchedPathInsideItsCorridors) {
                                              in_box(rng, {-4, -2, -0.8}, {4, 2, 0.8}));
     const PlanResult& result = planner.plan(request);
     if (result.outcome != PlanOutcome::kSmooth) continue;
-    ++smooth;
     Sogm blocked, near, tight, contact;
     dilate(sogm, config.radius_m + config.clearance_m, &blocked);
     dilate(sogm, config.radius_m + config.clearance_m + config.comfort_m, &near);
@@ -371,6 +370,7 @@ TEST(PlannerTest, SmoothingLowersTheJerkOfTheSearchedPathInsideItsCorridors) {
     SCOPED_TRACE(testing::Message() << "trial " << trial << ": " << describe(request, result));
     const SearchStatus status = search.find(problem, &path);
     if (path.settled) continue;  // then the planner looked again
+    ++compared;
     ASSERT_EQ(status, result.search_status);
     ASSERT_EQ(path.expansions, result.expansions);  // the same search
     ASSERT_EQ(path.num_pieces, result.trajectory.num_pieces());
@@ -385,8 +385,8 @@ TEST(PlannerTest, SmoothingLowersTheJerkOfTheSearchedPathInsideItsCorridors) {
       ASSERT_LE(result.corridors[piece].violation(result.trajectory.at(t).position), 2e-6) << t - raw.start_utime();
     }
   }
-  EXPECT_GT(smooth, 30);
-  EXPECT_GT(much_better, smooth / 2);
+  EXPECT_GT(compared, 12);
+  EXPECT_GT(much_better, compared / 2);
 }
 
 TEST(PlannerTest, RandomScenesKeepAllPromisesAndRepeatBitForBit) {
@@ -394,7 +394,7 @@ TEST(PlannerTest, RandomScenesKeepAllPromisesAndRepeatBitForBit) {
   const PlannerConfig config = flat_config();
   Planner planner(config);
   std::array<int, 3> seen{};
-  for (int trial = 0; trial < 60; ++trial) {
+  for (int trial = 0; trial < 30; ++trial) {
     Sogm sogm = map_at(kStart - uniform_int(rng, 0, 150'000));
     for (int i = uniform_int(rng, 0, 18); i > 0; --i) {
       mark_moving(&sogm, in_box(rng, {-4, -3, -1}, {4, 3, 1}), in_cube(rng, 0.8), uniform(rng, 0.1, 0.5), i % 2 == 0);
@@ -435,7 +435,7 @@ TEST(PlannerTest, RandomScenesKeepAllPromisesAndRepeatBitForBit) {
       ASSERT_EQ(again.corridors[i].offsets, result.corridors[i].offsets);
     }
   }
-  EXPECT_GT(seen[static_cast<std::size_t>(PlanOutcome::kSmooth)], 20);
+  EXPECT_GT(seen[static_cast<std::size_t>(PlanOutcome::kSmooth)], 10);
   EXPECT_GT(seen[static_cast<std::size_t>(PlanOutcome::kUnsafe)], 0);
 }
 
