@@ -79,33 +79,61 @@ bool Dilator::load_row(const std::uint64_t* row) {
   return true;
 }
 
-void Dilator::dilate(const Sogm& in, double radius_m, Sogm* out) {
-  out->reset(in.geometry, in.num_frames, in.start_utime, in.frame_duration_us);
-  if (in.words.empty()) return;
-  shape_ball(in.geometry, radius_m);
-  const int rows = in.geometry.size.x(), tail = in.geometry.size.z() % 64;
+// Columns [first, last] along x and y of the frame, window indices.
+void Dilator::dilate_frame(const Sogm& in, int frame, int first_x, int last_x, int first_y, int last_y, Sogm* out) {
+  const Eigen::Vector3i& size = in.geometry.size;
+  const int tail = size.z() % 64;
   const std::uint64_t top_mask = tail == 0 ? ~std::uint64_t{0} : (std::uint64_t{1} << tail) - 1;
-  for (int frame = 0; frame < in.num_frames; ++frame) {
-    for (int x = 0; x < rows; ++x) {
-      if (!load_row(in.column(frame, x, 0))) continue;
-      for (int i = 0; i <= reach_x_; ++i) {  // one plane of the ball serves the rows x - i and x + i
-        for (int w = 0; w < words_; ++w) {
-          std::fill(disc_.begin(), disc_.end(), 0);
-          for (int j = 0; j <= reach_y_ && half_width(i, j) >= 0; ++j) {
-            const std::uint64_t* source = spread_row(half_width(i, j), w) + reach_y_;
-            or_two(source - j, source + j, columns_, disc_.data());
-          }
-          const std::uint64_t mask = w == words_ - 1 ? top_mask : ~std::uint64_t{0};
-          if (x >= i) or_masked(disc_.data(), mask, columns_, words_, out->column(frame, x - i, 0) + w);
-          if (i > 0 && x + i < rows) or_masked(disc_.data(), mask, columns_, words_, out->column(frame, x + i, 0) + w);
+  const int from_y = std::max(0, first_y - reach_y_), to_y = std::min(size.y() - 1, last_y + reach_y_);
+  columns_ = to_y - from_y + 1;
+  std::fill(spread_.begin(), spread_.end(), 0);  // the rows' margins lie elsewhere when `columns_` changes
+  const int from_x = std::max(0, first_x - reach_x_), to_x = std::min(size.x() - 1, last_x + reach_x_);
+  for (int x = from_x; x <= to_x; ++x) {
+    if (!load_row(in.column(frame, x, from_y))) continue;
+    for (int i = 0; i <= reach_x_; ++i) {  // one plane of the ball serves the rows x - i and x + i
+      const bool lower = x - i >= first_x && x - i <= last_x;
+      const bool upper = i > 0 && x + i >= first_x && x + i <= last_x;
+      if (!lower && !upper) continue;
+      for (int w = 0; w < words_; ++w) {
+        std::fill(disc_.begin(), disc_.end(), 0);
+        for (int j = 0; j <= reach_y_ && half_width(i, j) >= 0; ++j) {
+          const std::uint64_t* source = spread_row(half_width(i, j), w) + reach_y_;
+          or_two(source - j, source + j, columns_, disc_.data());
         }
+        const std::uint64_t mask = w == words_ - 1 ? top_mask : ~std::uint64_t{0};
+        const std::uint64_t* disc = disc_.data() + first_y - from_y;
+        const int n = last_y - first_y + 1;
+        if (lower) or_masked(disc, mask, n, words_, out->column(frame, x - i, first_y) + w);
+        if (upper) or_masked(disc, mask, n, words_, out->column(frame, x + i, first_y) + w);
       }
     }
   }
 }
 
-void dilate(const Sogm& in, double radius_m, Sogm* out) {
-  Dilator().dilate(in, radius_m, out);
+void Dilator::dilate(const Sogm& in, double radius_m, Sogm* out, const Reach* reach) {
+  out->reset(in.geometry, in.num_frames, in.start_utime, in.frame_duration_us);
+  if (in.words.empty()) return;
+  shape_ball(in.geometry, radius_m);
+  const Eigen::Vector3i last = in.geometry.size - Eigen::Vector3i::Ones();
+  for (int frame = 0; frame < in.num_frames; ++frame) {
+    if (reach == nullptr) {
+      dilate_frame(in, frame, 0, last.x(), 0, last.y(), out);
+      continue;
+    }
+    // The last frame stays in force after its end, the first one was so before its start.
+    const double end_s = 1e-6 * static_cast<double>(in.start_utime + (frame + 1) * in.frame_duration_us - reach->utime);
+    const double until_s = frame + 1 < in.num_frames ? std::min(end_s, reach->horizon_s) : reach->horizon_s;
+    if (end_s < 0.0 && frame + 1 < in.num_frames) continue;
+    const double way_m = reach->speed_mps * until_s + in.geometry.resolution_m;
+    const Eigen::Vector3i lower = in.geometry.voxel_of(reach->center.array() - way_m).cwiseMax(0);
+    const Eigen::Vector3i upper = in.geometry.voxel_of(reach->center.array() + way_m).cwiseMin(last);
+    if (lower.x() > upper.x() || lower.y() > upper.y()) continue;
+    dilate_frame(in, frame, lower.x(), upper.x(), lower.y(), upper.y(), out);
+  }
+}
+
+void dilate(const Sogm& in, double radius_m, Sogm* out, const Reach* reach) {
+  Dilator().dilate(in, radius_m, out, reach);
 }
 
 }  // namespace swarm

@@ -16,7 +16,7 @@ class Dilator {
   // See dilate() in sogm.h. Offset d (in voxels) counts as within the radius when |d|^2 <= (radius / resolution)^2 +
   // 1e-9, so that a radius of 0.3 m at 0.1 m reaches three voxels whatever the rounding of 0.3 / 0.1. Throws
   // std::invalid_argument when the radius is negative or not finite.
-  void dilate(const Sogm& in, double radius_m, Sogm* out);
+  void dilate(const Sogm& in, double radius_m, Sogm* out, const Reach* reach = nullptr);
 
  private:
   // Half-width along z [voxels] of the ball at offset (dx, dy) = (i, j); -1 outside the ball.
@@ -26,8 +26,9 @@ class Dilator {
   std::uint64_t* spread_row(int h, int w);
   void shape_ball(const GridGeometry& geometry, double radius_m);
   bool load_row(const std::uint64_t* row);  // into spread_row(0, *) and all others; false if the row is empty
+  void dilate_frame(const Sogm& in, int frame, int first_x, int last_x, int first_y, int last_y, Sogm* out);
 
-  int columns_ = 0, words_ = 0;                  // of the row: size.y and words per column
+  int columns_ = 0, words_ = 0;                  // of the row: along y, and words per column
   int reach_x_ = 0, reach_y_ = 0, reach_z_ = 0;  // extent of the ball, at most the window's
   std::vector<int> half_widths_;
   std::vector<std::uint64_t> spread_;  // (reach_z_ + 1) x (words_ + 2) x (columns_ + 2 reach_y_)

@@ -118,9 +118,10 @@ void verify(const MapConfig& config) {
           config.min_rate_hz, " Hz");
 }
 
-MapNode::MapNode(const MapConfig& config, std::int32_t boot, Stopwatch stopwatch)
+MapNode::MapNode(const MapConfig& config, std::int32_t boot, Stopwatch stopwatch, bool publish_durations)
     : config_(config),
       stopwatch_(std::move(stopwatch)),
+      publish_durations_(publish_durations),
       map_headers_(config.robot_id, boot),
       status_headers_(config.robot_id, boot) {
   verify(config);
@@ -207,8 +208,10 @@ std::int64_t MapNode::step(std::int64_t now_us, Outbox& outbox) {
     return last_build_us_ + to_us(1.0 / (obstacles_are_new_ ? config_.max_rate_hz : config_.min_rate_hz));
   };
   if (running && now_us >= next_build_us()) {
+    const std::int64_t start_ns = stopwatch_ ? stopwatch_() : 0;
     build(now_us);
     publish_map(outbox);
+    if (stopwatch_) build_ms_ = 1e-6 * static_cast<double>(stopwatch_() - start_ns);
   }
   if (now_us >= next_status_us_) {
     publish_status(now_us, outbox);
@@ -225,7 +228,6 @@ void MapNode::forget_unreported(std::int64_t now_us) {
 }
 
 void MapNode::build(std::int64_t now_us) {
-  const std::int64_t start_ns = stopwatch_ ? stopwatch_() : 0;
   const Eigen::Vector3d center = position_ + 1e-6 * static_cast<double>(now_us - state_utime_) * velocity_;
   GridGeometry geometry{.resolution_m = config_.resolution_m, .size = config_.voxels()};
   const Eigen::Array3d corner = center.array() / config_.resolution_m - geometry.size.array().cast<double>() / 2;
@@ -238,7 +240,6 @@ void MapNode::build(std::int64_t now_us) {
     rasterize(entry.obstacle, config_.margin_m, config_.growth_mps, &sogm_);
   last_build_us_ = now_us;
   obstacles_are_new_ = false;
-  if (stopwatch_) build_ms_ = 1e-6f * static_cast<float>(stopwatch_() - start_ns);
 }
 
 void MapNode::publish_map(Outbox& outbox) {
@@ -253,7 +254,7 @@ void MapNode::publish_status(std::int64_t now_us, Outbox& outbox) {
   status.state = state(now_us);
   status.maps = maps_;
   status.rate_hz = static_cast<float>(maps_ - maps_at_last_status_) / (1e-6f * kStatusPeriod_us);
-  status.build_ms = build_ms_;
+  status.build_ms = publish_durations_ ? static_cast<float>(build_ms_) : 0.0f;
   status.map_bytes = encoder_.compressed_bytes();
   status.obstacles = static_cast<std::int32_t>(obstacles_.size() + voxel_obstacles_.size());
   refused_.copy_to(status.refused);

@@ -46,9 +46,10 @@ class MapNode : public Node {
  public:
   using Stopwatch = std::function<std::int64_t()>;  // monotonic [ns]
 
-  // `boot`: grows at every start. `stopwatch` null: durations are reported as 0. Throws what verify() and StaticMap
+  // `boot`: grows at every start. `stopwatch` null: durations are 0; they are
+  // published only with `publish_durations`. Throws what verify() and StaticMap
   // throw.
-  MapNode(const MapConfig& config, std::int32_t boot, Stopwatch stopwatch = nullptr);
+  MapNode(const MapConfig& config, std::int32_t boot, Stopwatch stopwatch = nullptr, bool publish_durations = true);
 
   std::vector<Subscription> subscriptions() const override;
   void on_message(std::int64_t now_us, BusId bus, std::string_view channel, std::span<const std::uint8_t> bytes,
@@ -56,7 +57,8 @@ class MapNode : public Node {
   std::int64_t step(std::int64_t now_us, Outbox& outbox) override;
 
   const Sogm& newest_map() const { return sogm_; }
-  int maps() const { return maps_; }  // published since start
+  double build_ms() const { return build_ms_; }  // of the newest map, encoding included
+  int maps() const { return maps_; }             // published since start
   const RefusalCounts& refused() const { return refused_; }
 
  private:
@@ -81,6 +83,7 @@ class MapNode : public Node {
   MapConfig config_;
   std::optional<StaticMap> static_map_;
   Stopwatch stopwatch_;
+  bool publish_durations_;
   HeaderSource map_headers_, status_headers_;
   RefusalCounts refused_;
   SequenceGate state_gate_, obstacle_gate_, voxel_gate_;
@@ -97,7 +100,7 @@ class MapNode : public Node {
   Sogm sogm_;
   SogmEncoder encoder_;
   std::int32_t maps_ = 0, maps_at_last_status_ = 0;
-  float build_ms_ = 0.0f;
+  double build_ms_ = 0.0;
 };
 
 }  // namespace swarm

@@ -75,7 +75,9 @@ class Painter {
         (high.array() * inverse_resolution_ - 0.5 - origin).floor().max(-1.0).min(size - 1.0).cast<int>();
     for (int x = first.x(); x <= last.x(); ++x) {
       const double dx = (x + g.origin.x() + 0.5) * g.resolution_m - sweep_.center.x();
-      for (int y = first.y(); y <= last.y(); ++y) {
+      int begin = first.y(), end = last.y();
+      if (core_.kind == Shape::Kind::kRing) clip_to_ring(dx, &begin, &end);
+      for (int y = begin; y <= end; ++y) {
         const double dy = (y + g.origin.y() + 0.5) * g.resolution_m - sweep_.center.y();
         std::uint64_t* column = sogm_.column(frame_, x, y);
         if (core_.kind == Shape::Kind::kRing) {
@@ -88,6 +90,17 @@ class Painter {
   }
 
  private:
+  // A ring is thin along its axis: of row `dx`, only columns with |cos dx + sin dy| <= reach can meet it.
+  void clip_to_ring(double dx, int* begin, int* end) const {
+    if (std::abs(core_.sin_yaw) < 1e-3) return;
+    const double middle = -core_.cos_yaw * dx / core_.sin_yaw, half = sweep_.reach / std::abs(core_.sin_yaw);
+    const GridGeometry& g = sogm_.geometry;
+    const double zero = sweep_.center.y() * inverse_resolution_ - 0.5 - g.origin.y();
+    const double low = (middle - half) * inverse_resolution_ + zero,
+                 high = (middle + half) * inverse_resolution_ + zero;
+    *begin = static_cast<int>(std::clamp<double>(std::floor(low), *begin, *end + 1.0));
+    *end = static_cast<int>(std::clamp<double>(std::ceil(high), *begin - 1.0, *end));
+  }
   // Squared horizontal distance from the swept footprint.
   double round_gap(double dx, double dy) const {
     const double s = std::clamp(inverse_travel_.x() * dx + inverse_travel_.y() * dy, 0.0, 1.0);

@@ -17,6 +17,10 @@ namespace {
 
 constexpr int kCompressionLevel = 1;  // higher levels cost milliseconds and save little on sparse bits
 
+std::size_t bitmap_size(std::size_t words) {
+  return (words + 63) / 64;
+}
+
 GridGeometry geometry_of(const sogm_t& part) {
   return {.resolution_m = part.resolution,
           .origin = Eigen::Vector3i(part.origin[0], part.origin[1], part.origin[2]),
@@ -59,14 +63,22 @@ SogmEncoder::~SogmEncoder() = default;
 
 std::span<const sogm_t> SogmEncoder::encode(const Sogm& sogm, sogm_swarm::header_t header) {
   const std::size_t n = static_cast<std::size_t>(sogm.geometry.words_per_frame());
-  delta_.resize(sogm.words.size());
-  std::copy_n(sogm.words.begin(), std::min(n, sogm.words.size()), delta_.begin());
-  for (std::size_t i = n; i < delta_.size(); ++i) delta_[i] = sogm.words[i] ^ sogm.words[i - n];
+  const std::size_t bitmap_words = bitmap_size(sogm.words.size());
+  content_.resize(bitmap_words + sogm.words.size());
+  std::fill_n(content_.begin(), bitmap_words, 0);
+  std::size_t size = bitmap_words;
+  for (std::size_t i = 0; i < sogm.words.size(); ++i) {
+    const std::uint64_t delta = i < n ? sogm.words[i] : sogm.words[i] ^ sogm.words[i - n];
+    content_[size] = delta;  // written over when it is zero
+    const std::uint64_t changed = delta != 0 ? 1 : 0;
+    content_[i / 64] |= changed << (i % 64);
+    size += changed;
+  }
 
-  const std::size_t raw_bytes = delta_.size() * sizeof(std::uint64_t);
+  const std::size_t raw_bytes = size * sizeof(std::uint64_t);
   packed_.resize(ZSTD_compressBound(raw_bytes));
   packed_size_ =
-      ZSTD_compressCCtx(context_.get(), packed_.data(), packed_.size(), delta_.data(), raw_bytes, kCompressionLevel);
+      ZSTD_compressCCtx(context_.get(), packed_.data(), packed_.size(), content_.data(), raw_bytes, kCompressionLevel);
   const std::size_t num_parts = (packed_size_ + kMaxPartBytes - 1) / kMaxPartBytes;
   if (num_parts > kMaxParts) return {};
 
@@ -75,7 +87,7 @@ std::span<const sogm_t> SogmEncoder::encode(const Sogm& sogm, sogm_swarm::header
   for (std::size_t i = 0; i < num_parts; ++i) {
     sogm_t& part = parts_[i];
     const auto begin = packed_.begin() + static_cast<std::ptrdiff_t>(i * kMaxPartBytes);
-    const std::size_t size = std::min(kMaxPartBytes, packed_size_ - i * kMaxPartBytes);
+    const std::size_t part_bytes = std::min(kMaxPartBytes, packed_size_ - i * kMaxPartBytes);
     part.header = header;
     part.frame_duration_us = static_cast<std::int32_t>(sogm.frame_duration_us);
     part.num_frames = static_cast<std::int16_t>(sogm.num_frames);
@@ -87,8 +99,8 @@ std::span<const sogm_t> SogmEncoder::encode(const Sogm& sogm, sogm_swarm::header
     part.part = static_cast<std::int16_t>(i);
     part.num_parts = static_cast<std::int16_t>(num_parts);
     part.total_bytes = static_cast<std::int32_t>(packed_size_);
-    part.num_bytes = static_cast<std::int32_t>(size);
-    part.data.assign(begin, begin + static_cast<std::ptrdiff_t>(size));
+    part.num_bytes = static_cast<std::int32_t>(part_bytes);
+    part.data.assign(begin, begin + static_cast<std::ptrdiff_t>(part_bytes));
   }
   return parts_;
 }
@@ -135,17 +147,29 @@ Refusal SogmAssembler::unpack() {
   packed_.clear();
   for (int i = 0; i < layout_.num_parts; ++i) packed_.insert(packed_.end(), parts_[i].begin(), parts_[i].end());
   const GridGeometry geometry = geometry_of(layout_);
-  const auto raw_bytes = static_cast<std::size_t>(map_bytes(geometry, layout_.num_frames));
-  if (packed_.size() != static_cast<std::size_t>(layout_.total_bytes) ||
-      ZSTD_getFrameContentSize(packed_.data(), packed_.size()) != raw_bytes ||
+  const auto n = static_cast<std::size_t>(geometry.words_per_frame());
+  const std::size_t num_words = n * static_cast<std::size_t>(layout_.num_frames), bitmap_words = bitmap_size(num_words);
+  const std::uint64_t raw_bytes = ZSTD_getFrameContentSize(packed_.data(), packed_.size());  // huge on errors
+  if (packed_.size() != static_cast<std::size_t>(layout_.total_bytes) || raw_bytes % sizeof(std::uint64_t) != 0 ||
+      raw_bytes < bitmap_words * sizeof(std::uint64_t) ||
+      raw_bytes > (bitmap_words + num_words) * sizeof(std::uint64_t) ||
       ZSTD_findFrameCompressedSize(packed_.data(), packed_.size()) != packed_.size()) {
     return Refusal::kInconsistent;
   }
-  map_.reset(geometry, layout_.num_frames, layout_.header.utime, layout_.frame_duration_us);
-  if (ZSTD_decompressDCtx(context_.get(), map_.words.data(), raw_bytes, packed_.data(), packed_.size()) != raw_bytes) {
+  content_.resize(raw_bytes / sizeof(std::uint64_t));
+  if (ZSTD_decompressDCtx(context_.get(), content_.data(), raw_bytes, packed_.data(), packed_.size()) != raw_bytes)
     return Refusal::kDecode;
+  std::size_t changed = 0;
+  for (std::size_t i = 0; i < bitmap_words; ++i) changed += static_cast<std::size_t>(std::popcount(content_[i]));
+  const bool beyond = num_words % 64 != 0 && content_[bitmap_words - 1] >> num_words % 64 != 0;
+  if (beyond || bitmap_words + changed != content_.size()) return Refusal::kInconsistent;
+
+  map_.reset(geometry, layout_.num_frames, layout_.header.utime, layout_.frame_duration_us);
+  std::size_t next = bitmap_words;
+  for (std::size_t i = 0; i < bitmap_words; ++i) {
+    for (std::uint64_t bits = content_[i]; bits != 0; bits &= bits - 1)
+      map_.words[64 * i + static_cast<std::size_t>(std::countr_zero(bits))] = content_[next++];
   }
-  const auto n = static_cast<std::size_t>(geometry.words_per_frame());
   for (std::size_t i = n; i < map_.words.size(); ++i) map_.words[i] ^= map_.words[i - n];
 
   const int tail = geometry.size.z() % 64;

@@ -1,5 +1,5 @@
-// A Sogm on the wire: frames XOR-ed with their predecessors (little changes between frames), one zstd frame, cut into
-// parts that fit one datagram each. Layout: lcmtypes/sogm_t.lcm.
+// A Sogm on the wire: frames XOR-ed with their predecessors (little changes between frames), the words that are
+// not zero, one zstd frame, cut into parts that fit one datagram each. Layout: lcmtypes/sogm_t.lcm.
 #pragma once
 
 #include <bitset>
@@ -40,7 +40,7 @@ class SogmEncoder {
     void operator()(ZSTD_CCtx_s* context) const;
   };
   std::unique_ptr<ZSTD_CCtx_s, Free> context_;
-  std::vector<std::uint64_t> delta_;
+  std::vector<std::uint64_t> content_;
   std::vector<std::uint8_t> packed_;
   std::size_t packed_size_ = 0;
   std::vector<sogm_swarm::sogm_t> parts_;
@@ -67,7 +67,8 @@ class SogmAssembler {
   // `part` must have passed decode(). A part of a newer map gives up an incomplete older one. On kComplete `*out`
   // becomes the map (its memory is swapped for reuse); otherwise it is untouched. Refused are: kSequence (older, or
   // completed already), kLength (map above kMaxMapBytes), kInconsistent (the parts contradict each other, or the
-  // content is not one zstd frame of exactly the map's size), kDecode (zstd fails), kValue (bits above the window).
+  // content is not one zstd frame with as many words as its bitmap says), kDecode (zstd fails), kValue (bits above the
+  // window).
   [[nodiscard]] Assembly add(const sogm_swarm::sogm_t& part, Sogm* out);
 
  private:
@@ -84,6 +85,7 @@ class SogmAssembler {
   std::bitset<kMaxParts> have_;
   std::vector<std::vector<std::uint8_t>> parts_;
   std::vector<std::uint8_t> packed_;
+  std::vector<std::uint64_t> content_;
   Sogm map_;
 };
 

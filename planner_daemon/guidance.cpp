@@ -1,105 +1,155 @@
 #include "planner_daemon/guidance.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 
 namespace swarm {
 namespace {
 
-constexpr std::int16_t kUnknown = -1, kClosed = -2;
 constexpr int kMaxSteps = 4000;
+
+// The even bits of a word, close together.
+std::uint64_t even_bits(std::uint64_t bits) {
+  bits &= 0x5555555555555555;
+  bits = (bits | bits >> 1) & 0x3333333333333333;
+  bits = (bits | bits >> 2) & 0x0f0f0f0f0f0f0f0f;
+  bits = (bits | bits >> 4) & 0x00ff00ff00ff00ff;
+  bits = (bits | bits >> 8) & 0x0000ffff0000ffff;
+  return (bits | bits >> 16) & 0x00000000ffffffff;
+}
 
 }  // namespace
 
-void Guidance::close_standing_cells(const Sogm& blocked, double space_min_z, double space_max_z) {
-  const GridGeometry& grid = blocked.geometry;
-  const std::size_t frame_words = static_cast<std::size_t>(grid.words_per_frame());
-  standing_words_.assign(blocked.words.begin(), blocked.words.begin() + static_cast<std::ptrdiff_t>(frame_words));
-  for (int frame = 1; frame < blocked.num_frames; ++frame) {
-    const std::uint64_t* words = blocked.column(frame, 0, 0);
-    for (std::size_t i = 0; i < frame_words; ++i) standing_words_[i] &= words[i];
+void Guidance::open_cells(const Sogm& standing, double space_min_z, double space_max_z) {
+  const GridGeometry& grid = standing.geometry;
+  space_.assign(static_cast<std::size_t>(words_), 0);
+  for (int z = 0; z < size_.z(); ++z) {
+    const double bottom = corner_.z() + z * cell_m_;
+    if (bottom + cell_m_ > space_min_z && bottom < space_max_z)
+      space_[static_cast<std::size_t>(z >> 6)] |= std::uint64_t{1} << (z & 63);
   }
-  standing_ = std::any_of(standing_words_.begin(), standing_words_.end(), [](std::uint64_t word) { return word != 0; });
-  if (!standing_) return;
-
-  const int words = grid.words_per_column();
-  const auto standing = [&](int x, int y, int z) {
-    if (x >= grid.size.x() || y >= grid.size.y() || z >= grid.size.z()) return true;
-    const std::size_t column = (static_cast<std::size_t>(x) * grid.size.y() + y) * words;
-    return (standing_words_[column + (z >> 6)] >> (z & 63) & 1u) != 0;
-  };
+  const int voxel_words = grid.words_per_column(), tail = grid.size.z() % 64;
+  const std::uint64_t beyond = tail == 0 ? 0 : ~std::uint64_t{0} << tail;  // voxels above the window: never open
   for (int x = 0; x < size_.x(); ++x) {
     for (int y = 0; y < size_.y(); ++y) {
-      for (int z = 0; z < size_.z(); ++z) {
-        const double bottom = corner_.z() + z * cell_m_;
-        bool open = bottom + cell_m_ > space_min_z && bottom < space_max_z;
-        if (open) {
-          open = false;
-          for (int k = 0; k < 8 && !open; ++k)
-            open = !standing(2 * x + (k & 1), 2 * y + (k >> 1 & 1), 2 * z + (k >> 2));
-        }
-        steps_[index(x, y, z)] = open ? kUnknown : kClosed;
+      const bool wide = 2 * x + 1 < grid.size.x(), deep = 2 * y + 1 < grid.size.y();
+      const std::uint64_t* columns[4] = {standing.column(0, 2 * x, 2 * y),
+                                         standing.column(0, 2 * x + (wide ? 1 : 0), 2 * y),
+                                         standing.column(0, 2 * x, 2 * y + (deep ? 1 : 0)),
+                                         standing.column(0, 2 * x + (wide ? 1 : 0), 2 * y + (deep ? 1 : 0))};
+      std::uint64_t* open = open_.data() + column(x, y) * static_cast<std::size_t>(words_);
+      for (int w = 0; w < words_; ++w) open[w] = 0;
+      for (int v = 0; v < voxel_words; ++v) {
+        std::uint64_t closed = columns[0][v] & columns[1][v] & columns[2][v] & columns[3][v];
+        if (v == voxel_words - 1) closed |= beyond;
+        open[v >> 1] |= even_bits(~(closed & closed >> 1)) << (v & 1 ? 32 : 0);
+      }
+      for (int w = 0; w < words_; ++w) open[w] &= space_[static_cast<std::size_t>(w)];
+    }
+  }
+}
+
+// Sources of the search: cells from which the way to the goal is straight.
+void Guidance::seed(int x, int y, int w, std::uint64_t bits, const Eigen::Vector3d& goal) {
+  const auto word = static_cast<std::uint32_t>(column(x, y) * static_cast<std::size_t>(words_) + w);
+  for (bits &= open_[word]; bits != 0; bits &= bits - 1) {
+    const int z = 64 * w + std::countr_zero(bits);
+    const Eigen::Vector3d center = corner_ + cell_m_ * Eigen::Vector3d(x + 0.5, y + 0.5, z + 0.5);
+    const double way_m = (goal - center).cwiseAbs().maxCoeff();
+    const auto steps = static_cast<std::size_t>(std::min<double>(kMaxSteps, way_m * inverse_cell_));
+    if (steps >= seeds_.size()) seeds_.resize(steps + 1);
+    seeds_[steps].push_back({word, bits & -bits});
+  }
+}
+
+void Guidance::reach(std::uint32_t word, std::uint64_t bits, int steps) {
+  bits &= open_[word];
+  if (bits == 0) return;
+  open_[word] &= ~bits;
+  front_.push_back({word, bits});
+  std::int16_t* out = steps_.data() + word / static_cast<std::uint32_t>(words_) * static_cast<std::size_t>(size_.z()) +
+                      word % static_cast<std::uint32_t>(words_) * 64;
+  while (bits != 0) {  // a run of ones at a time
+    const int first = std::countr_zero(bits), last = first + std::countr_one(bits >> first);
+    std::fill(out + first, out + last, static_cast<std::int16_t>(steps));
+    bits = last == 64 ? 0 : bits >> last << last;
+  }
+}
+
+// To the 26 neighbours of each cell.
+void Guidance::spread(const Cells& cells) {
+  const int w = static_cast<int>(cells.word % static_cast<std::uint32_t>(words_));
+  const int at = static_cast<int>(cells.word / static_cast<std::uint32_t>(words_));
+  const int x = at / size_.y(), y = at % size_.y();
+  for (int nw = std::max(0, w - 1); nw <= std::min(words_ - 1, w + 1); ++nw) {
+    std::uint64_t bits = cells.bits | cells.bits << 1 | cells.bits >> 1;
+    if (nw < w) bits = cells.bits << 63;
+    if (nw > w) bits = cells.bits >> 63;
+    if (bits == 0) continue;
+    for (int nx = std::max(0, x - 1); nx <= std::min(size_.x() - 1, x + 1); ++nx) {
+      for (int ny = std::max(0, y - 1); ny <= std::min(size_.y() - 1, y + 1); ++ny) {
+        const std::size_t word = column(nx, ny) * static_cast<std::size_t>(words_) + nw;
+        const std::uint64_t added = bits & open_[word];
+        if (added == 0) continue;
+        if (pending_[word] == 0) next_.push_back(static_cast<std::uint32_t>(word));
+        pending_[word] |= added;
       }
     }
   }
 }
 
-// A source of the search: a cell from which the way to the goal is straight.
-void Guidance::seed(int x, int y, int z, const Eigen::Vector3d& goal) {
-  if (steps_[index(x, y, z)] == kClosed) return;
-  const Eigen::Vector3d center = corner_ + cell_m_ * Eigen::Vector3d(x + 0.5, y + 0.5, z + 0.5);
-  const int steps = std::min(kMaxSteps, static_cast<int>((goal - center).cwiseAbs().maxCoeff() / cell_m_));
-  if (static_cast<std::size_t>(steps) >= buckets_.size()) buckets_.resize(static_cast<std::size_t>(steps) + 1);
-  buckets_[static_cast<std::size_t>(steps)].push_back(static_cast<std::uint32_t>(index(x, y, z)));
-}
-
-bool Guidance::build(const Sogm& blocked, const Eigen::Vector3d& goal, double space_min_z, double space_max_z) {
-  const GridGeometry& grid = blocked.geometry;
+bool Guidance::build(const Sogm& standing, const Eigen::Vector3d& goal, double space_min_z, double space_max_z) {
+  const GridGeometry& grid = standing.geometry;
+  if (std::none_of(standing.words.begin(), standing.words.begin() + grid.words_per_frame(),
+                   [](std::uint64_t word) { return word != 0; })) {
+    return false;
+  }
   cell_m_ = 2 * grid.resolution_m;
+  inverse_cell_ = 1.0 / cell_m_;
   corner_ = grid.origin.cast<double>() * grid.resolution_m;
   size_ = (grid.size + Eigen::Vector3i::Ones()) / 2;
-  steps_.resize(index(size_.x() - 1, size_.y() - 1, size_.z() - 1) + 1);
-  close_standing_cells(blocked, space_min_z, space_max_z);
-  if (!standing_) return false;
+  words_ = (size_.z() + 63) / 64;
+  const std::size_t columns = column(size_.x() - 1, size_.y() - 1) + 1;
+  open_.resize(columns * static_cast<std::size_t>(words_));
+  pending_.assign(open_.size(), 0);
+  steps_.assign(columns * static_cast<std::size_t>(size_.z()), -1);
+  open_cells(standing, space_min_z, space_max_z);
 
-  for (auto& bucket : buckets_) bucket.clear();
-  const Eigen::Vector3i goal_cell = ((goal - corner_) / cell_m_).array().floor().matrix().cast<int>();
-  if ((goal_cell.array() >= 0).all() && (goal_cell.array() < size_.array()).all()) {
-    std::int16_t& steps = steps_[index(goal_cell.x(), goal_cell.y(), goal_cell.z())];
-    steps = kUnknown;  // an occupied goal is still where to go
-    seed(goal_cell.x(), goal_cell.y(), goal_cell.z(), goal);
+  for (auto& seeds : seeds_) seeds.clear();
+  const Eigen::Vector3i goal_cell(cell_of(0, goal.x()), cell_of(1, goal.y()), cell_of(2, goal.z()));
+  if (goal_cell.minCoeff() >= 0) {
+    const int w = goal_cell.z() >> 6;
+    const std::uint64_t bit = std::uint64_t{1} << (goal_cell.z() & 63);
+    // An occupied goal is still where to go.
+    open_[column(goal_cell.x(), goal_cell.y()) * static_cast<std::size_t>(words_) + w] |= bit;
+    seed(goal_cell.x(), goal_cell.y(), w, bit, goal);
   }
   for (int x = 0; x < size_.x(); ++x) {
     for (int y = 0; y < size_.y(); ++y) {
       const bool side = x == 0 || y == 0 || x == size_.x() - 1 || y == size_.y() - 1;
-      for (int z = 0; z < size_.z(); z += side ? 1 : std::max(1, size_.z() - 1)) seed(x, y, z, goal);
-    }
-  }
-  for (std::size_t steps = 0; steps < buckets_.size(); ++steps) {
-    for (std::size_t i = 0; i < buckets_[steps].size(); ++i) {
-      const std::uint32_t cell = buckets_[steps][i];
-      if (steps_[cell] != kUnknown) continue;
-      steps_[cell] = static_cast<std::int16_t>(steps);
-      if (steps + 1 == buckets_.size()) buckets_.emplace_back();
-      const int z = static_cast<int>(cell) % size_.z(), y = static_cast<int>(cell) / size_.z() % size_.y();
-      const int x = static_cast<int>(cell) / (size_.z() * size_.y());
-      for (int nx = std::max(0, x - 1); nx <= std::min(size_.x() - 1, x + 1); ++nx) {
-        for (int ny = std::max(0, y - 1); ny <= std::min(size_.y() - 1, y + 1); ++ny) {
-          for (int nz = std::max(0, z - 1); nz <= std::min(size_.z() - 1, z + 1); ++nz) {
-            const std::size_t next = index(nx, ny, nz);
-            if (steps_[next] == kUnknown) buckets_[steps + 1].push_back(static_cast<std::uint32_t>(next));
-          }
-        }
+      for (int w = 0; w < words_; ++w) {
+        std::uint64_t bits = side ? ~std::uint64_t{0} : 0;
+        if (w == 0) bits |= 1;
+        if (w == words_ - 1) bits |= std::uint64_t{1} << ((size_.z() - 1) & 63);
+        seed(x, y, w, bits, goal);
       }
     }
   }
+  next_.clear();
+  for (std::size_t steps = 0; steps < seeds_.size() || !next_.empty(); ++steps) {
+    front_.clear();
+    for (const std::uint32_t word : next_) {
+      reach(word, pending_[word], static_cast<int>(steps));
+      pending_[word] = 0;
+    }
+    next_.clear();
+    if (steps < seeds_.size()) {
+      for (const Cells& cells : seeds_[steps]) reach(cells.word, cells.bits, static_cast<int>(steps));
+    }
+    for (const Cells& cells : front_) spread(cells);
+  }
   return true;
-}
-
-double Guidance::time_to_goal(const Eigen::Vector3d& position, double v_max) const {
-  const Eigen::Vector3i cell = ((position - corner_) / cell_m_).array().floor().matrix().cast<int>();
-  if ((cell.array() < 0).any() || (cell.array() >= size_.array()).any()) return 0.0;
-  return std::max<int>(0, steps_[index(cell.x(), cell.y(), cell.z())]) * cell_m_ / v_max;
 }
 
 }  // namespace swarm

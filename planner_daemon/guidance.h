@@ -3,6 +3,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <cstdint>
 #include <vector>
 
@@ -12,28 +13,45 @@ namespace swarm {
 
 class Guidance {
  public:
-  // Breadth-first distances to `goal` over cells of two voxels' edge; a cell is closed when all its voxels are
-  // `blocked` in every frame or lie outside [space_min, space_max] (z only: sideways the flight space is open in
-  // practice). Beyond the window everything counts as open. Returns false, and gives no guidance, when nothing stands
-  // still in the window.
-  bool build(const Sogm& blocked, const Eigen::Vector3d& goal, double space_min_z, double space_max_z);
+  // Breadth-first distances to `goal` over cells of two voxels' edge, 64 cells at a time; a cell is closed when all its
+  // voxels are occupied in `standing` (frame 0: configuration space of what never moves) or lie outside [space_min,
+  // space_max] (z only: sideways the flight space is open in practice). Beyond the window everything counts as open.
+  // Returns false, and gives no guidance, when nothing stands still in the window.
+  bool build(const Sogm& standing, const Eigen::Vector3d& goal, double space_min_z, double space_max_z);
 
-  // Least time to the goal at `v_max` per axis [s] from a point, by the cell it is in; 0 outside the window and in
-  // closed cells.
-  double time_to_goal(const Eigen::Vector3d& position, double v_max) const;
+  // Index along an axis of the cell that holds a coordinate [m]; -1 outside the window.
+  int cell_of(int axis, double coordinate) const {
+    const double cell = (coordinate - corner_[axis]) * inverse_cell_;
+    return cell >= 0.0 && cell < size_[axis] ? static_cast<int>(cell) : -1;
+  }
+  // Least way to the goal from a cell, as the largest of the axes' ways [m]; 0 in closed cells and for indices of -1.
+  double way_m(int x, int y, int z) const {
+    if ((x | y | z) < 0) return 0.0;
+    return std::max<int>(0, steps_[column(x, y) * static_cast<std::size_t>(size_.z()) + z]) * cell_m_;
+  }
 
  private:
-  void close_standing_cells(const Sogm& blocked, double space_min_z, double space_max_z);
-  std::size_t index(int x, int y, int z) const { return (static_cast<std::size_t>(x) * size_.y() + y) * size_.z() + z; }
-  void seed(int x, int y, int z, const Eigen::Vector3d& goal);
+  struct Cells {
+    std::uint32_t word;  // of open_
+    std::uint64_t bits;
+  };
+  std::size_t column(int x, int y) const { return static_cast<std::size_t>(x) * size_.y() + y; }
+  void open_cells(const Sogm& standing, double space_min_z, double space_max_z);
+  void seed(int x, int y, int w, std::uint64_t bits, const Eigen::Vector3d& goal);
+  void reach(std::uint32_t word, std::uint64_t bits, int steps);
+  void spread(const Cells& cells);
 
-  bool standing_ = false;
-  double cell_m_ = 0.2;
+  double cell_m_ = 0.2, inverse_cell_ = 5.0;
   Eigen::Vector3d corner_ = Eigen::Vector3d::Zero();  // of the window, W [m]
   Eigen::Vector3i size_ = Eigen::Vector3i::Zero();    // cells
-  std::vector<std::uint64_t> standing_words_;
-  std::vector<std::int16_t> steps_;                  // Chebyshev steps of one cell to the goal; -1 unknown, -2 closed
-  std::vector<std::vector<std::uint32_t>> buckets_;  // cells by steps
+  int words_ = 0;                                     // of 64 cells per column
+  std::vector<std::uint64_t> space_;                  // cells of one column inside the flight space
+  std::vector<std::uint64_t> open_;                   // cells not reached yet
+  std::vector<std::uint64_t> pending_;                // cells that the next step reaches
+  std::vector<std::uint32_t> next_;                   // words with pending cells
+  std::vector<Cells> front_;                          // reached in this step
+  std::vector<std::vector<Cells>> seeds_;             // by steps
+  std::vector<std::int16_t> steps_;                   // Chebyshev steps of one cell to the goal; -1 closed
 };
 
 }  // namespace swarm

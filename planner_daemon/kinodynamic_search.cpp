@@ -24,6 +24,11 @@ constexpr auto kLater = [](const auto& a, const auto& b) {
   return a.priority > b.priority || (a.priority == b.priority && a.node > b.node);
 };
 
+template <class State>
+MotionState to_motion(const State& state) {
+  return {state.position, state.velocity, state.acceleration, Eigen::Vector3d::Zero()};
+}
+
 }  // namespace
 
 const char* to_string(SearchStatus status) {
@@ -76,11 +81,21 @@ KinodynamicSearch::AxisOption KinodynamicSearch::make_option(int axis, double p,
   const GridGeometry& grid = problem_.blocked->geometry;
   const double inverse = 1.0 / grid.resolution_m;
   const double low = limits_.space_min[axis], high = limits_.space_max[axis];
+  const int words = grid.words_per_column();
+  const int stride = axis == 0 ? grid.size.y() * words : words;
   option.inside = true;
   double before = p;
-  for (int i = 0; i < kSamples; ++i) {
+  for (std::size_t i = 0; i < kSamples; ++i) {
     const double position = p + weights_[i].v * v + weights_[i].a0 * a + weights_[i].a1 * a1;
-    option.voxel[i] = static_cast<std::int32_t>(std::floor(position * inverse)) - grid.origin[axis];
+    const int voxel = static_cast<int>(std::floor(position * inverse)) - grid.origin[axis];
+    const bool known = voxel >= 0 && voxel < grid.size[axis];
+    if (axis < 2) {
+      option.offset[i] = known ? voxel * stride : 0;
+      option.in_window[i] = known ? ~std::uint64_t{0} : 0;
+    } else {
+      option.offset[i] = known ? voxel >> 6 : 0;
+      option.in_window[i] = known ? std::uint64_t{1} << (voxel & 63) : 0;
+    }
     // A robot outside the flight space may only come back.
     if ((position < low && position < before) || (position > high && position > before)) option.inside = false;
     before = position;
@@ -89,10 +104,12 @@ KinodynamicSearch::AxisOption KinodynamicSearch::make_option(int axis, double p,
   option.velocity = v + tau_ / 3 * (a + 2 * a1);
   option.acceleration = a1;
   option.time_to_goal = axis_time(axis, option.position, option.velocity);
+  option.effort = options_.effort_weight * a1 * a1;
+  option.guidance_cell = problem_.guidance != nullptr ? problem_.guidance->cell_of(axis, option.position) : -1;
   return option;
 }
 
-KinodynamicSearch::AxisOptions KinodynamicSearch::axis_options(int axis, const MotionState& from) const {
+KinodynamicSearch::AxisOptions KinodynamicSearch::axis_options(int axis, const State& from) const {
   const double p = from.position[axis], v = from.velocity[axis], a = from.acceleration[axis];
   // The largest and smallest a1 after which the next primitive can still keep the speed limit: v1 + tau/3 a1 <= v_max.
   const double drift = v + tau_ / 3 * a;
@@ -128,18 +145,27 @@ bool KinodynamicSearch::leaving(int depth, int sample) const {
 }
 
 double KinodynamicSearch::zone_cost(const AxisOption& x, const AxisOption& y, const AxisOption& z, int depth) const {
+  const auto& frames = frames_[static_cast<std::size_t>(depth)];
+  std::array<std::int32_t, kSamples> words;
+  std::array<std::uint64_t, kSamples> bits;
+  std::uint64_t any = 0;
+  for (std::size_t i = 0; i < kSamples; ++i) {
+    words[i] = frames[i] + x.offset[i] + y.offset[i] + z.offset[i];
+    bits[i] = x.in_window[i] & y.in_window[i] & z.in_window[i];
+    any |= problem_.near->words[static_cast<std::size_t>(words[i])] & bits[i];
+  }
+  if (any == 0) return 0.0;  // the near zone holds the blocked one
   double cost = 0.0;
-  for (int i = 0; i < kSamples; ++i) {
-    const Eigen::Vector3i voxel(x.voxel[i], y.voxel[i], z.voxel[i]);
-    const int frame = frames_[depth][i];
-    if (!problem_.near->occupied(frame, voxel)) continue;  // the near zone holds the blocked one
+  for (std::size_t i = 0; i < kSamples; ++i) {
+    const auto in = [&](const Sogm* zone) { return (zone->words[static_cast<std::size_t>(words[i])] & bits[i]) != 0; };
+    if (!in(problem_.near)) continue;
     cost += options_.near_weight;
-    if (!problem_.blocked->occupied(frame, voxel)) continue;
-    if (!leaving(depth, i)) return -1.0;
+    if (!in(problem_.blocked)) continue;
+    if (!leaving(depth, static_cast<int>(i))) return -1.0;
     cost += options_.leave_weight;
-    if (!problem_.tight->occupied(frame, voxel)) continue;
+    if (!in(problem_.tight)) continue;
     cost += 9 * options_.leave_weight;
-    if (problem_.contact->occupied(frame, voxel)) cost += 90 * options_.leave_weight;
+    if (in(problem_.contact)) cost += 90 * options_.leave_weight;
   }
   return cost * tau_ / kSamples;
 }
@@ -162,21 +188,13 @@ double KinodynamicSearch::axis_time(int axis, double position, double velocity) 
   return min_time_to_rest(problem_.goal[axis] - position, velocity, limits_.v_max, a_lim_);
 }
 
-double KinodynamicSearch::time_to_goal(double x_s, double y_s, double z_s, const Eigen::Vector3d& position) const {
-  double longest = std::max({x_s, y_s, z_s});
+double KinodynamicSearch::time_to_goal(double x_s, double y_s, double z_s, double way_m) const {
+  const double longest = std::max({x_s, y_s, z_s});
   const double rest = x_s + y_s + z_s - longest;
-  if (problem_.guidance != nullptr)
-    longest = std::max(longest, problem_.guidance->time_to_goal(position, limits_.v_max));
-  return longest + 0.05 * rest;  // the slowest axis decides, the others break ties
+  return std::max(longest, way_m / limits_.v_max) + 0.05 * rest;  // the slowest axis decides, the others break ties
 }
 
-double KinodynamicSearch::heuristic(const MotionState& state) const {
-  return time_to_goal(axis_time(0, state.position.x(), state.velocity.x()),
-                      axis_time(1, state.position.y(), state.velocity.y()),
-                      axis_time(2, state.position.z(), state.velocity.z()), state.position);
-}
-
-bool KinodynamicSearch::seen_before(const MotionState& state, int depth) {
+bool KinodynamicSearch::seen_before(const State& state, int depth) {
   const bool still_blocked = start_blocked_ && depth * tau_ < options_.leave_s;  // every way out counts
   const bool slow = still_blocked || state.velocity.cwiseAbs().maxCoeff() < options_.slow_mps;
   const double refine = slow ? 3.0 : 1.0;
@@ -195,7 +213,7 @@ bool KinodynamicSearch::seen_before(const MotionState& state, int depth) {
   return false;
 }
 
-void KinodynamicSearch::push(const MotionState& state, double to_goal_s, double cost, std::int32_t parent, int depth) {
+void KinodynamicSearch::push(const State& state, double to_goal_s, double cost, std::int32_t parent, int depth) {
   if (nodes_.size() == nodes_.capacity()) return;  // bounded memory: the best were kept
   nodes_.push_back({state, cost, to_goal_s, parent, static_cast<std::int16_t>(depth)});
   open_.push_back({cost + options_.heuristic_weight * to_goal_s, static_cast<std::int32_t>(nodes_.size() - 1)});
@@ -203,7 +221,7 @@ void KinodynamicSearch::push(const MotionState& state, double to_goal_s, double 
 }
 
 void KinodynamicSearch::expand(std::int32_t index) {
-  const Node node = nodes_[index];
+  const Node node = nodes_[static_cast<std::size_t>(index)];
   const AxisOptions xs = axis_options(0, node.state), ys = axis_options(1, node.state),
                     zs = axis_options(2, node.state);
   for (int x = 0; x < xs.count; ++x) {
@@ -212,27 +230,28 @@ void KinodynamicSearch::expand(std::int32_t index) {
         const AxisOption &ox = xs.option[x], &oy = ys.option[y], &oz = zs.option[z];
         const double zones = zone_cost(ox, oy, oz, node.depth);
         if (zones < 0.0) continue;
-        MotionState next;
-        next.position = {ox.position, oy.position, oz.position};
-        next.velocity = {ox.velocity, oy.velocity, oz.velocity};
-        next.acceleration = {ox.acceleration, oy.acceleration, oz.acceleration};
-        const double effort = options_.effort_weight * next.acceleration.squaredNorm();
-        push(next, time_to_goal(ox.time_to_goal, oy.time_to_goal, oz.time_to_goal, next.position),
-             node.cost + zones + tau_ * (1.0 + effort), index, node.depth + 1);
+        const double way_m = problem_.guidance != nullptr
+                                 ? problem_.guidance->way_m(ox.guidance_cell, oy.guidance_cell, oz.guidance_cell)
+                                 : 0.0;
+        push({{ox.position, oy.position, oz.position},
+              {ox.velocity, oy.velocity, oz.velocity},
+              {ox.acceleration, oy.acceleration, oz.acceleration}},
+             time_to_goal(ox.time_to_goal, oy.time_to_goal, oz.time_to_goal, way_m),
+             node.cost + zones + tau_ * (1.0 + ox.effort + oy.effort + oz.effort), index, node.depth + 1);
       }
     }
   }
 }
 
 void KinodynamicSearch::trace_back(std::int32_t index, SearchResult* result) const {
-  for (; index >= 0; index = nodes_[index].parent) result->knots[nodes_[index].depth] = nodes_[index].state;
+  for (; index >= 0; index = nodes_[index].parent) result->knots[nodes_[index].depth] = to_motion(nodes_[index].state);
 }
 
 std::int64_t KinodynamicSearch::brake(const Node& node, SearchResult* result) const {
   const Eigen::Vector3d drift = node.state.velocity + tau_ / 3 * node.state.acceleration;
   const Eigen::Vector3d a1 = -drift / (tau_ * (brake_pieces_ - 1));
   std::int64_t first_blocked = kNever;
-  MotionState state = node.state;
+  MotionState state = to_motion(node.state);
   Eigen::Vector3d before = state.position;
   for (int k = 0; k < brake_pieces_; ++k) {
     const bool last = k == brake_pieces_ - 1;
@@ -261,6 +280,7 @@ std::int64_t KinodynamicSearch::brake(const Node& node, SearchResult* result) co
 }
 
 bool KinodynamicSearch::shoot(const Node& node, SearchResult* result) const {
+  const MotionState start = to_motion(node.state);
   MotionState goal;
   goal.position = problem_.goal;
   const double least_s = node.time_to_goal;
@@ -268,12 +288,12 @@ bool KinodynamicSearch::shoot(const Node& node, SearchResult* result) const {
   const int first = std::max(1, static_cast<int>(std::ceil(least_s / tau_ - 1e-9)));
   for (int pieces = first; pieces <= std::min(room, first + 3); ++pieces) {
     const double duration = pieces * tau_;
-    const ControlPoints whole = quintic_control_points(node.state, goal, duration);
+    const ControlPoints whole = quintic_control_points(start, goal, duration);
     bool ok = true;
     for (int k = 1; k <= pieces && ok; ++k) {
       MotionState& knot = result->knots[node.depth + k];
       knot = k == pieces ? goal : evaluate_bezier(whole, duration, static_cast<double>(k) / pieces);
-      const MotionState& before = k == 1 ? node.state : result->knots[node.depth + k - 1];
+      const MotionState& before = k == 1 ? start : result->knots[node.depth + k - 1];
       const ControlPoints points = quintic_control_points(before, knot, tau_);
       ok = max_speed_bound(points, tau_) <= limits_.v_max + 1e-9 &&
            max_acceleration_bound(points, tau_) <= limits_.a_max + 1e-9;
@@ -308,7 +328,7 @@ SearchStatus KinodynamicSearch::find(const SearchProblem& problem, SearchResult*
   for (int depth = 0; depth < options_.num_pieces; ++depth) {
     for (int i = 0; i < kSamples; ++i) {
       const std::int64_t offset = (depth * kSamples + i + 1) * std::int64_t{options_.piece_us} / kSamples;
-      frames_[depth][i] = blocked.frame_at(problem.start_utime + offset);
+      frames_[depth][i] = blocked.frame_at(problem.start_utime + offset) * blocked.geometry.words_per_frame();
     }
   }
   nodes_.clear();
@@ -316,7 +336,14 @@ SearchStatus KinodynamicSearch::find(const SearchProblem& problem, SearchResult*
   expanded_.clear();
   std::fill(closed_.begin(), closed_.end(), 0);
 
-  push(problem.start, heuristic(problem.start), 0.0, -1, 0);
+  const State start{problem.start.position, problem.start.velocity, problem.start.acceleration};
+  const auto axis_s = [&](int axis) { return axis_time(axis, start.position[axis], start.velocity[axis]); };
+  double way_m = 0.0;
+  if (const Guidance* guidance = problem.guidance; guidance != nullptr) {
+    const auto cell = [&](int axis) { return guidance->cell_of(axis, start.position[axis]); };
+    way_m = guidance->way_m(cell(0), cell(1), cell(2));
+  }
+  push(start, time_to_goal(axis_s(0), axis_s(1), axis_s(2), way_m), 0.0, -1, 0);
   while (!open_.empty() && result->expansions < options_.max_expansions) {
     std::pop_heap(open_.begin(), open_.end(), kLater);
     const std::int32_t index = open_.back().node;

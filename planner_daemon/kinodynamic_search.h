@@ -88,18 +88,28 @@ class KinodynamicSearch {
  private:
   static constexpr int kSamples = 8;  // collision checks per primitive
 
+  // What one axis does during a primitive; the axes are independent, so each option is worked out once for all
+  // children.
   struct AxisOption {
-    double position, velocity, acceleration;   // at the end of the primitive
-    double time_to_goal;                       // min_time_to_rest from there
-    std::array<std::int32_t, kSamples> voxel;  // window index along this axis at each sample
-    bool inside;                               // stays in the flight space
+    double position, velocity, acceleration;  // at the end of the primitive
+    double time_to_goal;                      // min_time_to_rest from there
+    double effort;                            // cost of the acceleration
+    std::int32_t guidance_cell;               // at the end; -1: none
+    bool inside;                              // stays in the flight space
+    std::array<std::int32_t, kSamples>
+        offset;  // x, y: what the sample adds to the index of a word of the map; z: its word
+    std::array<std::uint64_t, kSamples>
+        in_window;  // x, y: all ones inside the window, else 0; z: the sample's bit, or 0
   };
   struct AxisOptions {
     std::array<AxisOption, 6> option;
     int count = 0;
   };
+  struct State {
+    Eigen::Vector3d position, velocity, acceleration;
+  };
   struct Node {
-    MotionState state;
+    State state;
     double cost = 0.0;
     double time_to_goal = 0.0;
     std::int32_t parent = -1;
@@ -111,19 +121,18 @@ class KinodynamicSearch {
   };
 
   AxisOption make_option(int axis, double p, double v, double a, double a1) const;
-  AxisOptions axis_options(int axis, const MotionState& from) const;
+  AxisOptions axis_options(int axis, const State& from) const;
   // Cost of the zones one primitive passes; negative when it is blocked.
   double zone_cost(const AxisOption& x, const AxisOption& y, const AxisOption& z, int depth) const;
   // Farther outside the flight space than before: a robot outside may only come back.
   bool strays(const Eigen::Vector3d& before, const Eigen::Vector3d& position) const;
   bool free_at(const Eigen::Vector3d& position, std::int64_t utime) const;
   double axis_time(int axis, double position, double velocity) const;
-  // Time to the goal from the axes' times and the guidance.
-  double time_to_goal(double x_s, double y_s, double z_s, const Eigen::Vector3d& position) const;
-  double heuristic(const MotionState& state) const;
+  // Time to the goal from the axes' times and the guidance's way.
+  double time_to_goal(double x_s, double y_s, double z_s, double way_m) const;
   void expand(std::int32_t index);
-  void push(const MotionState& state, double to_goal_s, double cost, std::int32_t parent, int depth);
-  bool seen_before(const MotionState& state, int depth);
+  void push(const State& state, double to_goal_s, double cost, std::int32_t parent, int depth);
+  bool seen_before(const State& state, int depth);
   // Quintic from a node to rest at the goal in as few pieces as the limits allow, then hovering there, all free.
   bool shoot(const Node& node, SearchResult* result) const;
   // Brakes to rest from a node and hovers to the horizon; the knots go to the result. Returns the first blocked time or
@@ -148,7 +157,7 @@ class KinodynamicSearch {
 
   SearchProblem problem_;
   bool start_blocked_ = false;
-  std::vector<std::array<std::int32_t, kSamples>> frames_;  // map frame per depth and sample
+  std::vector<std::array<std::int32_t, kSamples>> frames_;  // first word of the map's frame, per depth and sample
   std::vector<Node> nodes_;
   std::vector<OpenEntry> open_;
   std::vector<std::int32_t> expanded_;

@@ -76,13 +76,28 @@ void Planner::compose(const PlanRequest& request) {
     mark_swept_volume(peer.motion, reach, &occupied_);
     if (!peer.announced.empty()) mark_swept_volume({peer.motion.committed, peer.announced}, reach, &occupied_);
   }
-  dilate(occupied_, config_.radius_m + config_.clearance_m, &blocked_);
-  dilate(occupied_, config_.radius_m + config_.clearance_m + config_.comfort_m, &near_);
+  const SearchOptions& search = config_.search;
+  reach_ = {request.own.at(request.start_utime).position, request.start_utime, config_.limits.v_max,
+            1e-6 * search.piece_us * search.num_pieces};
+  dilator_.dilate(occupied_, config_.radius_m + config_.clearance_m, &blocked_, &reach_);
+  dilator_.dilate(blocked_, config_.comfort_m, &near_, &reach_);
 }
 
 void Planner::dilate_emergency_zones() {
-  dilate(occupied_, config_.radius_m + config_.tight_m, &tight_);
-  dilate(occupied_, std::max(0.0, config_.radius_m - config_.contact_m), &contact_);
+  dilator_.dilate(occupied_, config_.radius_m + config_.tight_m, &tight_, &reach_);
+  dilator_.dilate(occupied_, std::max(0.0, config_.radius_m - config_.contact_m), &contact_, &reach_);
+}
+
+// Configuration space of what is occupied in every frame.
+void Planner::compose_standing() {
+  still_.reset(occupied_.geometry, 1, occupied_.start_utime, occupied_.frame_duration_us);
+  const std::size_t n = still_.words.size();
+  std::copy_n(occupied_.words.begin(), n, still_.words.begin());
+  for (int frame = 1; frame < occupied_.num_frames; ++frame) {
+    const std::uint64_t* words = occupied_.column(frame, 0, 0);
+    for (std::size_t i = 0; i < n; ++i) still_.words[i] &= words[i];
+  }
+  dilator_.dilate(still_, config_.radius_m + config_.clearance_m, &standing_);
 }
 
 SearchStatus Planner::search(const PlanRequest& request) {
@@ -95,7 +110,8 @@ SearchStatus Planner::search(const PlanRequest& request) {
   problem.tight = &tight_;
   problem.contact = &contact_;
   const SearchLimits& limits = config_.limits;
-  if (guidance_.build(blocked_, request.goal, limits.space_min.z(), limits.space_max.z()))
+  compose_standing();
+  if (guidance_.build(standing_, request.goal, limits.space_min.z(), limits.space_max.z()))
     problem.guidance = &guidance_;
   const bool start_blocked =
       blocked_.occupied(blocked_.frame_at(request.start_utime), blocked_.geometry.voxel_of(problem.start.position));

@@ -6,6 +6,7 @@
 #include <functional>
 #include <vector>
 
+#include "map_daemon/dilation.h"
 #include "map_daemon/sogm.h"
 #include "planner_daemon/corridor.h"
 #include "planner_daemon/kinodynamic_search.h"
@@ -76,6 +77,7 @@ class Planner {
  private:
   void compose(const PlanRequest& request);
   void dilate_emergency_zones();
+  void compose_standing();
   SearchStatus search(const PlanRequest& request);
   bool grow_corridors(const PlanRequest& request);
   bool optimize(const PlanRequest& request, Trajectory* smooth);
@@ -93,7 +95,10 @@ class Planner {
   std::vector<SplineQp> optimizers_;  // [n - 1]: for n pieces
   SplineProblem problem_;
   SplineSolution solution_;
+  Dilator dilator_;
+  Reach reach_;  // of the robot: all that the plan can touch
   Sogm occupied_, blocked_, near_, tight_, contact_;
+  Sogm still_, standing_;  // what does not move: occupied and as configuration space
   SearchResult path_, fine_path_;
   PlanResult result_;
 };

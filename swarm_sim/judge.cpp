@@ -61,21 +61,28 @@ void Judge::update(double t_s, std::span<const MotionState> robots) {
   if (!std::ranges::all_of(robots, finite))
     throw std::invalid_argument("robots: every state must be finite, at t = " + text_of(t_s) + " s");
   const bool first = previous_.empty();
+  const double step_s = first ? 0.0 : t_s - t_s_;
   t_s_ = t_s;
   if (first) std::ranges::fill(rest_since_s_, t_s);
   for (std::size_t i = 0; i < robots.size(); ++i) {
-    if (first) previous_.push_back(robots[i].position);
-    follow(i, robots[i]);
+    if (first) previous_.push_back(robots[i]);
+    follow(i, robots[i], step_s);
     if (static_map_ != nullptr) judge_static_map(i, robots[i].position);
   }
   judge_obstacles(robots);
   judge_robots(robots);
 }
 
-void Judge::follow(std::size_t i, const MotionState& state) {
+void Judge::follow(std::size_t i, const MotionState& state, double step_s) {
   RobotVerdict& verdict = verdicts_[i];
-  verdict.path_length_m += (state.position - previous_[i]).norm();
-  previous_[i] = state.position;
+  const MotionState& before = previous_[i];
+  const Eigen::Vector3d moved = state.position - before.position;
+  const Eigen::Vector3d unexplained = moved - step_s / 2 * (before.velocity + state.velocity);
+  verdict.path_length_m += moved.norm();
+  verdict.max_position_jump_m = std::max(verdict.max_position_jump_m, unexplained.norm());
+  verdict.max_acceleration_step_mps2 =
+      std::max(verdict.max_acceleration_step_mps2, (state.acceleration - before.acceleration).norm());
+  previous_[i] = state;
   verdict.max_speed_mps = verdict.max_speed_mps.cwiseMax(state.velocity.cwiseAbs());
   verdict.max_acceleration_mps2 = verdict.max_acceleration_mps2.cwiseMax(state.acceleration.cwiseAbs());
   const double speed_mps = state.velocity.norm();

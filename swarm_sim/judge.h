@@ -49,6 +49,8 @@ struct RobotVerdict {
   double path_length_m = 0.0;
   Eigen::Vector3d max_speed_mps = Eigen::Vector3d::Zero();          // per axis
   Eigen::Vector3d max_acceleration_mps2 = Eigen::Vector3d::Zero();  // per axis
+  double max_position_jump_m = 0.0;         // what the velocities of two updates do not explain (trapezoid rule)
+  double max_acceleration_step_mps2 = 0.0;  // between two updates
 };
 
 class Judge {
@@ -71,7 +73,7 @@ class Judge {
 
  private:
   bool all_arrived() const;
-  void follow(std::size_t i, const MotionState& state);
+  void follow(std::size_t i, const MotionState& state, double step_s);
   void judge_obstacles(std::span<const MotionState> robots);
   void judge_static_map(std::size_t i, const Eigen::Vector3d& position);
   void judge_robots(std::span<const MotionState> robots);
@@ -83,8 +85,8 @@ class Judge {
   double t_s_ = -std::numeric_limits<double>::infinity();
   std::vector<RobotVerdict> verdicts_;
   std::vector<Touch> touches_;
-  std::vector<Eigen::Vector3d> previous_;  // positions; empty before the first update
-  std::vector<double> rest_since_s_;       // per robot: since when it is nearly at rest
+  std::vector<MotionState> previous_;  // empty before the first update
+  std::vector<double> rest_since_s_;   // per robot: since when it is nearly at rest
 };
 
 }  // namespace swarm

@@ -58,7 +58,7 @@ class LockstepHost {
  private:
   struct RobotNodes {
     RobotNodes(const World& world, const WorldRobot& robot, const FlightOptions& options, std::int32_t boot)
-        : map(map_config(world, robot, options), boot),
+        : map(map_config(world, robot, options), boot, steady_ns, false),
           planner(planner_config(world, robot, options), boot, steady_ns, false),
           broadcast(broadcast_config(world, robot, options), boot) {}
 
@@ -66,7 +66,8 @@ class LockstepHost {
     PlannerNode planner;
     BroadcastNode broadcast;
     PlanningSamples step_ms;
-    int plans_seen = 0;
+    std::vector<double> map_ms;
+    int plans_seen = 0, maps_seen = 0;
 
     Node& node(std::size_t n) {
       if (n == 0) return map;
@@ -138,12 +139,16 @@ class LockstepHost {
       }
       const std::int64_t wake = place.node.step(now_us_, place);
       if (wake != place.wake_us || event.channel.empty()) schedule_wake(event.place, wake);
-      note_plan(robots_[place.robot]);
+      note_work(robots_[place.robot]);
     }
     now_us_ = end_us;
   }
 
-  void note_plan(RobotNodes& robot) {
+  void note_work(RobotNodes& robot) {
+    if (robot.map.maps() != robot.maps_seen) {
+      robot.maps_seen = robot.map.maps();
+      robot.map_ms.push_back(robot.map.build_ms());
+    }
     if (robot.planner.plans() == robot.plans_seen) return;
     robot.plans_seen = robot.planner.plans();
     const auto& step_ms = robot.planner.newest_plan().step_ms;
@@ -181,9 +186,14 @@ class LockstepHost {
 
   RunReport report(double wall_s) const {
     std::vector<PlanningSamples> planning;
-    for (const RobotNodes& robot : robots_) planning.push_back(robot.step_ms);
+    std::vector<double> map_ms;
+    for (const RobotNodes& robot : robots_) {
+      planning.push_back(robot.step_ms);
+      map_ms.insert(map_ms.end(), robot.map_ms.begin(), robot.map_ms.end());
+    }
     RunReport report = make_report(world_.name, "lockstep", simulation_.judge(),
                                    1e-6 * static_cast<double>(now_us_ - kEpoch_us), wall_s, planning);
+    report.mapping = timing_stats(std::move(map_ms));
     report.channels.insert(channels_.begin(), channels_.end());
     for (std::size_t r = 0; r < robots_.size(); ++r) {
       const RobotNodes& nodes = robots_[r];

@@ -50,6 +50,8 @@ ordered_json to_json(const RobotReport& robot) {
           {"path_length", verdict.path_length_m},
           {"max_speed", array(verdict.max_speed_mps)},
           {"max_acceleration", array(verdict.max_acceleration_mps2)},
+          {"max_position_jump", verdict.max_position_jump_m},
+          {"max_acceleration_step", verdict.max_acceleration_step_mps2},
           {"plans", robot.plans},
           {"plan_rate_hz", robot.plan_rate_hz},
           {"missed", robot.missed},
@@ -67,20 +69,6 @@ std::string fixed(double value, int decimals) {
   if (!std::isfinite(value)) return "-";
   std::string text;
   append_fixed(value, decimals, &text);
-  return text;
-}
-
-// Right-aligned columns, each as wide as its widest cell.
-std::string aligned(const std::vector<std::vector<std::string>>& rows) {
-  std::vector<std::size_t> widths(rows.front().size(), 0);
-  for (const auto& row : rows) {
-    for (std::size_t c = 0; c < row.size(); ++c) widths[c] = std::max(widths[c], row[c].size());
-  }
-  std::string text;
-  for (const auto& row : rows) {
-    for (std::size_t c = 0; c < row.size(); ++c) text += std::string(widths[c] - row[c].size() + 2, ' ') + row[c];
-    text += '\n';
-  }
   return text;
 }
 
@@ -135,6 +123,7 @@ ordered_json to_json(const RunReport& report) {
           {"touches", list(report.touches)},
           {"robots", list(report.robots)},
           {"planning_ms", planning},
+          {"mapping_ms", to_json(report.mapping)},
           {"channels", channels}};
 }
 

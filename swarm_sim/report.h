@@ -54,6 +54,7 @@ struct RunReport {
   std::vector<Touch> touches;
   std::vector<RobotReport> robots;
   std::array<TimingStats, kPlanningSteps.size()> planning;  // over all robots
+  TimingStats mapping;                                      // building and encoding a SOGM; nothing in processes
   std::map<std::string, ChannelCount> channels;
 };
 

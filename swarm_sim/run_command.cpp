@@ -10,33 +10,23 @@
 #include <memory>
 #include <optional>
 
+#include "swarm_sim/flight_arguments.h"
 #include "swarm_sim/lockstep.h"
 #include "swarm_sim/processes.h"
-#include "swarm_sim/world_json.h"
+#include "swarm_sim/text.h"
+#include "swarm_sim/world_list.h"
 
 namespace swarm {
 namespace {
 
 struct RunOptions {
   std::string world, mode = "lockstep", out;
-  std::string map_config, planner_config, broadcast_config;
-  FlightOptions flight;
+  FlightArguments flight;
   ProcessOptions processes;
 };
 
-// Overlays a daemon's config file, in the format its --print-config prints, on its defaults.
-template <class Config>
-void overlay(const std::string& file, Config* config) {
-  if (file.empty()) return;
-  OptionSet options("swarm_sim run", "");
-  declare(options, *config);
-  const char* arguments[] = {"run", "--config", file.c_str()};
-  (void)options.parse(3, arguments, std::cout);
-  verify(*config);
-}
-
 void declare(OptionSet& options, RunOptions& run) {
-  options.add_positional("world", &run.world, "world file (JSON)");
+  options.add_positional("world", &run.world, "world file (JSON), or FILE.jsonl[.gz]:N for the world in line N");
   options.add(
       "mode", &run.mode,
       "lockstep: all nodes in this process, deterministic and faster than real time; processes: real daemons over "
@@ -46,23 +36,9 @@ void declare(OptionSet& options, RunOptions& run) {
       });
   options.add("out", &run.out,
               "directory for trace.csv, report.json and the LCM logs; none: only the table is printed");
-  options.add("time-limit", &run.flight.time_limit_s, 0.1, 3600, "s", "of simulated time");
-  options.add("sensor-rate", &run.flight.sensor_rate_hz, 1, 100, "Hz", "of obstacle detections");
-  options.add("map-config", &run.map_config,
-              "config file for every map_daemon; identity and map file come from the world");
-  options.add("planner-config", &run.planner_config,
-              "config file for every planner_daemon; identity, limits and space come from the world");
-  options.add("broadcast-config", &run.broadcast_config,
-              "config file for every broadcast_daemon; identity, limits and roster come from the world");
+  declare(options, run.flight);
   options.add("base-port", &run.processes.base_port, 1024, 60000, "",
               "processes: port of the swarm bus is this, robot k's onboard bus this + 33 + k");
-}
-
-std::string option_text(double value) {
-  std::string text = std::to_string(value);
-  text.erase(text.find_last_not_of('0') + 1);
-  if (text.back() == '.') text.pop_back();
-  return text;
 }
 
 // One line that renews itself on a terminal, and a line every ten simulated seconds elsewhere.
@@ -89,14 +65,15 @@ volatile std::sig_atomic_t interrupted = 0;
 
 RunReport fly(const RunOptions& run, const World& world, const OccupiedCubes* static_map, BusLog* logs,
               TraceWriter* trace) {
+  const FlightOptions flight = flight_options(run.flight);
   ProgressLine line;
   RunReport report;
   if (run.mode == "processes") {
-    report = run_processes(world, static_map, run.flight, run.processes, logs, trace,
+    report = run_processes(world, static_map, flight, run.processes, logs, trace,
                            [&](double t_s, const Simulation& simulation) { line.show(t_s, simulation.judge()); });
   } else {
     std::signal(SIGINT, [](int) { interrupted = 1; });
-    report = run_lockstep(world, static_map, run.flight, LockstepDelays(), logs, trace,
+    report = run_lockstep(world, static_map, flight, LockstepDelays(), logs, trace,
                           [&](double t_s, const Simulation& simulation) {
                             line.show(t_s, simulation.judge());
                             return interrupted == 0;
@@ -104,8 +81,8 @@ RunReport fly(const RunOptions& run, const World& world, const OccupiedCubes* st
     if (interrupted != 0) throw Interrupted();
   }
   line.done();
-  report.options = {{"time-limit", option_text(run.flight.time_limit_s)},
-                    {"sensor-rate", option_text(run.flight.sensor_rate_hz)}};
+  report.options = {{"time-limit", text_of(run.flight.time_limit_s)},
+                    {"sensor-rate", text_of(run.flight.sensor_rate_hz)}};
   return report;
 }
 
@@ -116,11 +93,9 @@ int run_command(int argc, const char* const* argv) try {
   OptionSet options("swarm_sim run", "Flies a world to its end and judges the flight by exact geometry.");
   declare(options, run);
   if (options.parse(argc, argv, std::cout) == OptionSet::Parsed::kExit) return 0;
-  overlay(run.map_config, &run.flight.map);
-  overlay(run.planner_config, &run.flight.planner);
-  overlay(run.broadcast_config, &run.flight.broadcast);
+  (void)flight_options(run.flight);  // bad input is found before anything is made
 
-  const World world = read_world(run.world);
+  const World world = read_listed_world(run.world);
   std::optional<OccupiedCubes> static_map;
   if (!world.static_map.empty()) {
     static_map = OccupiedCubes::load(world.static_map);

@@ -1,6 +1,7 @@
 #include <iostream>
 #include <string_view>
 
+#include "swarm_sim/campaign.h"
 #include "swarm_sim/run_command.h"
 #include "swarm_sim/world_command.h"
 
@@ -10,6 +11,8 @@ constexpr const char* kUsage =
     "swarm_sim: worlds and flights of the swarm\n"
     "  swarm_sim world [options] -o FILE     writes a seeded world file\n"
     "  swarm_sim run WORLD [options]         flies a world, in lock-step or with real daemons over real multicast\n"
+    "  swarm_sim campaign [options] --out R  flies many seeded worlds in lock-step, a CSV row a trial\n"
+    "  swarm_sim merge R... -o FILE          joins the results of a campaign's shards\n"
     "Each subcommand explains itself with --help. Exit codes: 0 success, 1 flown but not successful, 2 bad input.\n";
 
 }  // namespace
@@ -18,12 +21,14 @@ int main(int argc, char** argv) {
   const std::string_view command = argc > 1 ? argv[1] : "";
   if (command == "world") return swarm::world_command(argc - 1, argv + 1);
   if (command == "run") return swarm::run_command(argc - 1, argv + 1);
+  if (command == "campaign") return swarm::campaign_command(argc - 1, argv + 1);
+  if (command == "merge") return swarm::merge_command(argc - 1, argv + 1);
   if (command == "--help" || command == "-h") {
     std::cout << kUsage;
     return 0;
   }
   std::cerr << "swarm_sim: "
             << (command.empty() ? "no subcommand" : "unknown subcommand '" + std::string(command) + "'")
-            << "; must be world or run (see swarm_sim --help)\n";
+            << "; must be world, run, campaign or merge (see swarm_sim --help)\n";
   return 2;
 }

@@ -1,5 +1,6 @@
 #include "swarm_sim/text.h"
 
+#include <algorithm>
 #include <charconv>
 #include <limits>
 
@@ -23,6 +24,19 @@ std::string text_of(const Eigen::Ref<const Eigen::VectorXd>& values) {
 void append_fixed(double value, int decimals, std::string* text) {
   char buffer[std::numeric_limits<double>::max_exponent10 + 32];  // any double, at up to 20 decimals
   text->append(buffer, std::to_chars(buffer, buffer + sizeof buffer, value, std::chars_format::fixed, decimals).ptr);
+}
+
+std::string aligned(const std::vector<std::vector<std::string>>& rows) {
+  std::vector<std::size_t> widths(rows.front().size(), 0);
+  for (const auto& row : rows) {
+    for (std::size_t c = 0; c < row.size(); ++c) widths[c] = std::max(widths[c], row[c].size());
+  }
+  std::string text;
+  for (const auto& row : rows) {
+    for (std::size_t c = 0; c < row.size(); ++c) text += std::string(widths[c] - row[c].size() + 2, ' ') + row[c];
+    text += '\n';
+  }
+  return text;
 }
 
 }  // namespace swarm

@@ -1,13 +1,17 @@
-// Numbers as text: the shortest that reads back as the same double, whatever the locale.
+// Numbers and tables as text. A number is the shortest text that reads back as the same double, whatever the locale.
 #pragma once
 
 #include <Eigen/Core>
 #include <string>
+#include <vector>
 
 namespace swarm {
 
 std::string text_of(double value);                                     // 1.5
 std::string text_of(const Eigen::Ref<const Eigen::VectorXd>& values);  // [1,2.5,0]
 void append_fixed(double value, int decimals, std::string* text);      // always `decimals` digits after the point
+
+// Rows of right-aligned columns, each as wide as its widest cell. All rows have as many cells; at least one row.
+std::string aligned(const std::vector<std::vector<std::string>>& rows);
 
 }  // namespace swarm

@@ -89,8 +89,8 @@ TEST(RunCommand, BadOptionsAreRefusedByNameValueAndRule) {
     words.insert(words.end(), options.begin(), options.end());
     expect_complaint(words, texts);
   };
-  expect_complaint({"swarm_sim"}, {"no subcommand", "world or run"});
-  expect_complaint({"swarm_sim", "fly"}, {"unknown subcommand 'fly'", "world or run"});
+  expect_complaint({"swarm_sim"}, {"no subcommand", "world, run, campaign or merge"});
+  expect_complaint({"swarm_sim", "fly"}, {"unknown subcommand 'fly'", "world, run, campaign or merge"});
   expect_complaint({"swarm_sim", "run"}, {"world is missing"});
   expect({"extra"}, {"extra"});
   expect({"--fast"}, {"unknown option '--fast'"});

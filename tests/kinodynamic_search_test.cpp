@@ -296,7 +296,7 @@ TEST(KinodynamicSearchTest, FindsTheBestOfAllChains) {
     SearchLimits limits;
     SearchOptions options;
     options.num_pieces = 3 + (flat ? 3 : 2);
-    options.max_expansions = 50'000;
+    options.max_expansions = trial % 12 == 0 ? 50'000 : 5'000;
     options.heuristic_weight = trial % 3 == 0 ? 0.0 : uniform(rng, 0.0, 1.0 / 1.1);
     options.cell_m = options.cell_mps = 1e-7;
     const double tau = 1e-6 * options.piece_us;
@@ -339,7 +339,7 @@ TEST(KinodynamicSearchTest, FindsTheBestOfAllChains) {
 TEST(KinodynamicSearchTest, LeavesBlockedSpaceWithoutATouchWhereAChainCan) {
   Rng rng(11);
   int avoidable = 0, unavoidable = 0, touched = 0, partial = 0;
-  while (avoidable < 100) {
+  while (avoidable < 60) {
     Sogm occupied = empty_map({3, 3, 0.6}, 0.1, 1, kStart, 200'000);
     for (int i = 0; i < 4; ++i)
       mark_ball(&occupied, 0, in_box(rng, {-1, -1, 0}, {1, 1, 0}), uniform(rng, 0.05, 0.3), true);

@@ -148,6 +148,7 @@ TEST(Lockstep, TheSameRunGivesTheSameBytes) {
   auto json = [](RunReport report) {  // all but what the wall clock had a hand in
     report.wall_s = 0;
     report.planning = {};
+    report.mapping = {};
     return to_json(report).dump();
   };
   EXPECT_EQ(json(first.report), json(second.report));

@@ -240,8 +240,8 @@ TEST(PlannerTest, LetsAMovingColumnPass) {
 
 TEST(PlannerTest, StopsBesideAnOccupiedGoal) {
   const Vector3d goal(1, 0.03, 0.02);
-  Flight flight{hovering({-2, 0.03, 0.02}), {}};
-  ASSERT_NO_FATAL_FAILURE(flight.run(flat_config(), goal, 4.0,
+  Flight flight{hovering({-0.5, 0.03, 0.02}), {}};
+  ASSERT_NO_FATAL_FAILURE(flight.run(flat_config(), goal, 1.8,
                                      [&](double, Sogm* sogm) { mark_moving(sogm, goal, Vector3d::Zero(), 0.3); }));
   EXPECT_EQ(flight.unsafe, 0);
   EXPECT_LT(flight.states.back().velocity.norm(), 0.3);
@@ -320,7 +320,7 @@ TEST(PlannerTest, KeepsTheOwnMotionWhenNoPlanIsBetter) {
   EXPECT_EQ(kept.search_status, SearchStatus::kPartial);
 
   request.own.next = line(request.start_utime, 700'000, {0.03, 0.03, 0.02}, {-3.5, 0.03, 0.02});
-  mark_box(&sogm, {-9, -9, -9}, {-1.0, 9, 9}, 0, 3);  // and this one flies into a wall before that
+  mark_box(&sogm, {-9, -9, -9}, {-0.45, 9, 9}, 0, 3);  // and this one flies into a wall before that
   const PlanResult& flown = planner.plan(request);
   EXPECT_EQ(flown.outcome, PlanOutcome::kUnsafe);
   EXPECT_TRUE(flown.fly);
@@ -351,9 +351,16 @@ TEST(PlannerTest, SmoothingLowersTheJerkOfTheSearchedPathInsideItsCorridors) {
     if (result.outcome != PlanOutcome::kSmooth) continue;
     Sogm blocked, near, tight, contact;
     dilate(sogm, config.radius_m + config.clearance_m, &blocked);
-    dilate(sogm, config.radius_m + config.clearance_m + config.comfort_m, &near);
+    dilate(blocked, config.comfort_m, &near);
     dilate(sogm, config.radius_m + config.tight_m, &tight);
     dilate(sogm, config.radius_m - config.contact_m, &contact);
+    Sogm still, standing;  // occupied in every frame
+    still.reset(sogm.geometry, 1, kStart, sogm.frame_duration_us);
+    for (std::size_t i = 0; i < still.words.size(); ++i) {
+      still.words[i] = ~std::uint64_t{0};
+      for (int frame = 0; frame < sogm.num_frames; ++frame) still.words[i] &= sogm.column(frame, 0, 0)[i];
+    }
+    dilate(still, config.radius_m + config.clearance_m, &standing);
     Guidance guidance;
     SearchProblem problem;
     problem.fine = false;  // as the planner looks first
@@ -364,7 +371,7 @@ TEST(PlannerTest, SmoothingLowersTheJerkOfTheSearchedPathInsideItsCorridors) {
     problem.near = &near;
     problem.tight = &tight;
     problem.contact = &contact;
-    if (guidance.build(blocked, request.goal, config.limits.space_min.z(), config.limits.space_max.z()))
+    if (guidance.build(standing, request.goal, config.limits.space_min.z(), config.limits.space_max.z()))
       problem.guidance = &guidance;
     SearchResult path;
     SCOPED_TRACE(testing::Message() << "trial " << trial << ": " << describe(request, result));
@@ -447,7 +454,7 @@ TEST(PlannerTest, SmoothTrajectoriesKeepTheLimitsFromAnyStart) {
   Planner planner(config);
   const Sogm sogm = map_at(kStart);
   int smooth = 0, other = 0;
-  for (int trial = 0; trial < 100; ++trial) {
+  for (int trial = 0; trial < 50; ++trial) {
     Motion own{Trajectory(1, kStart + kLead_us, 1'000'000, 1), {}};
     own.committed.set_knot(0, random_state(rng, 0.5, 2, 6));
     own.committed.set_knot(1, MotionState{});
@@ -461,8 +468,8 @@ TEST(PlannerTest, SmoothTrajectoriesKeepTheLimitsFromAnyStart) {
       ++other;
     }
   }
-  EXPECT_GT(smooth, 20);
-  EXPECT_GT(other, 5);
+  EXPECT_GT(smooth, 10);
+  EXPECT_GT(other, 2);
 }
 
 // At a reported time the motion is blocked; and it was not blocked for 10 ms in a row before.

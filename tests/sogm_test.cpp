@@ -103,6 +103,50 @@ TEST(Dilation, RadiusLargerThanTheWindowFillsIt) {
   }
 }
 
+// Inside what is reached while a frame is in force, as without a reach; elsewhere clear, or at most a voxel wider.
+TEST(Dilation, ReachLimitsTheWorkAndNothingElse) {
+  std::mt19937 rng(7);
+  std::uniform_real_distribution<double> uniform(-1.0, 1.0);
+  int kept = 0, dropped = 0;
+  for (int trial = 0; trial < 30; ++trial) {
+    const Sogm in = random_sogm({24, 17, trial % 2 == 0 ? 9 : 70}, 5, 0.01, 0.1, &rng);
+    const double frame_s = 1e-6 * static_cast<double>(in.frame_duration_us);
+    const Eigen::Vector3d middle = in.geometry.center_of(in.geometry.size / 2);
+    Reach reach;
+    reach.center = middle + Eigen::Vector3d(2.0 * uniform(rng), 1.5 * uniform(rng), uniform(rng));
+    reach.utime = in.start_utime + static_cast<std::int64_t>(1e6 * frame_s * 3 * (1 + uniform(rng)));
+    reach.speed_mps = 0.5 / frame_s * (1 + uniform(rng));
+    reach.horizon_s = frame_s * (4 + uniform(rng));
+    Sogm whole, part;
+    dilate(in, 0.25, &whole);
+    dilate(in, 0.25, &part, &reach);
+    for (int frame = 0; frame < in.num_frames; ++frame) {
+      // In force until its end; the last one for ever.
+      const double end_s =
+          1e-6 * static_cast<double>(in.start_utime + (frame + 1) * in.frame_duration_us - reach.utime);
+      const bool last = frame + 1 == in.num_frames;
+      const double way_m = reach.speed_mps * std::max(0.0, last ? reach.horizon_s : std::min(end_s, reach.horizon_s));
+      for (int x = 0; x < in.geometry.size.x(); ++x) {
+        for (int y = 0; y < in.geometry.size.y(); ++y) {
+          const Eigen::Vector2d off =
+              (in.geometry.center_of({x, y, 0}) - reach.center).head<2>().cwiseAbs().array() - 0.05;  // nearest edge
+          const bool reached = (last || end_s >= 0.0) && off.maxCoeff() <= way_m;
+          for (int w = 0; w < in.geometry.words_per_column(); ++w) {
+            const std::uint64_t a = whole.column(frame, x, y)[w], b = part.column(frame, x, y)[w];
+            const std::uint64_t expected = reached ? a : off.maxCoeff() > way_m + 0.2 ? 0 : b;
+            ASSERT_EQ(b, expected) << "trial " << trial << " frame " << frame << " column " << x << " " << y;
+            ASSERT_EQ(b & ~a, 0u);
+            kept += b != 0;
+            dropped += a != b;
+          }
+        }
+      }
+    }
+  }
+  EXPECT_GT(kept, 1000);
+  EXPECT_GT(dropped, 1000);
+}
+
 TEST(Dilation, RefusesSenselessRadii) {
   Sogm in, out;
   in.reset({.resolution_m = 0.1, .origin = {0, 0, 0}, .size = {2, 2, 2}}, 1, 0, 1);

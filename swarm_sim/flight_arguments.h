@@ -1,0 +1,25 @@
+// The options that decide how a world is flown, shared by `swarm_sim run` and `swarm_sim campaign`.
+#pragma once
+
+#include <string>
+
+#include "lcmtypes/bus/option_set.h"
+#include "swarm_sim/simulation.h"
+
+namespace swarm {
+
+struct FlightArguments {
+  double time_limit_s = 60.0;
+  double sensor_rate_hz = 20.0;
+  std::string map_config, planner_config, broadcast_config;  // files; empty: defaults
+};
+
+void declare(OptionSet& options, FlightArguments& arguments);
+
+// Reads the config files. Throws OptionError.
+FlightOptions flight_options(const FlightArguments& arguments);
+
+// What differs from the defaults, as it is given on the command line: " --time-limit 30", or "".
+std::string command_line(const FlightArguments& arguments);
+
+}  // namespace swarm

@@ -1,0 +1,135 @@
+// Guidance against a plain breadth-first search over the same cells.
+#include "planner_daemon/guidance.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <deque>
+#include <map>
+#include <vector>
+
+#include "tests/random_map.h"
+
+namespace swarm {
+namespace {
+
+using Eigen::Vector3d;
+using Eigen::Vector3i;
+
+// Least steps from every open cell: to the goal's cell, or to a cell at the window's rim (or top or bottom) and
+// straight on from there.
+class PlainGuidance {
+ public:
+  PlainGuidance(const Sogm& standing, const Vector3d& goal, double low_z, double high_z)
+      : size((standing.geometry.size + Vector3i::Ones()) / 2), cell_m(2 * standing.geometry.resolution_m) {
+    const GridGeometry& grid = standing.geometry;
+    const Vector3d corner = grid.origin.cast<double>() * grid.resolution_m;
+    const Vector3i goal_cell = ((goal - corner) / cell_m).array().floor().matrix().cast<int>();
+    steps.assign(static_cast<std::size_t>(size.prod()), kClosed);
+    std::multimap<int, Vector3i> seeds;
+    for_each([&](const Vector3i& cell) {
+      bool open = false;
+      for (int k = 0; k < 8; ++k) {
+        const Vector3i voxel = 2 * cell + Vector3i(k & 1, k >> 1 & 1, k >> 2);
+        open = open || (grid.contains(voxel) && !standing.occupied(0, voxel));
+      }
+      const double bottom = corner.z() + cell.z() * cell_m;
+      open = open && bottom + cell_m > low_z && bottom < high_z;
+      if (cell == goal_cell) open = true;
+      if (!open) return;
+      at(cell) = kUnknown;
+      const bool rim = (cell.array() == 0).any() || (cell.array() == size.array() - 1).any();
+      if (!rim && cell != goal_cell) return;
+      const Vector3d center = corner + cell_m * (cell.cast<double>().array() + 0.5).matrix();
+      seeds.emplace(static_cast<int>((goal - center).cwiseAbs().maxCoeff() / cell_m), cell);
+    });
+    std::deque<std::pair<int, Vector3i>> queue;
+    for (int step = 0; !queue.empty() || !seeds.empty(); ++step) {
+      while (!seeds.empty() && seeds.begin()->first == step) {
+        queue.emplace_back(step, seeds.begin()->second);
+        seeds.erase(seeds.begin());
+      }
+      for (std::size_t n = queue.size(); n > 0; --n) {
+        const Vector3i cell = queue.front().second;
+        queue.pop_front();
+        if (at(cell) != kUnknown) continue;
+        at(cell) = step;
+        for (int k = 0; k < 27; ++k) {
+          const Vector3i next = cell + Vector3i(k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1);
+          if ((next.array() >= 0).all() && (next.array() < size.array()).all() && at(next) == kUnknown)
+            queue.emplace_back(step + 1, next);
+        }
+      }
+    }
+  }
+
+  template <class Visit>
+  void for_each(const Visit& visit) {
+    for (int x = 0; x < size.x(); ++x) {
+      for (int y = 0; y < size.y(); ++y) {
+        for (int z = 0; z < size.z(); ++z) visit(Vector3i(x, y, z));
+      }
+    }
+  }
+  int& at(const Vector3i& cell) {
+    return steps[static_cast<std::size_t>((cell.x() * size.y() + cell.y()) * size.z() + cell.z())];
+  }
+
+  static constexpr int kUnknown = -1, kClosed = -2;
+  Vector3i size;
+  double cell_m;
+  std::vector<int> steps;
+};
+
+TEST(GuidanceTest, EqualsAPlainBreadthFirstSearch) {
+  Rng rng(3);
+  Guidance guidance;
+  int closed = 0, detours = 0, cells = 0;
+  for (int trial = 0; trial < 40; ++trial) {
+    // Even and odd sizes; columns of one, two and three words of cells.
+    const Vector3d size_m = trial % 4 == 3 ? Vector3d(1.1, 0.9, 14.0 + 6 * (trial % 3)) : Vector3d(4, 3.1, 2.1);
+    Sogm standing = empty_map(size_m, 0.1, 1, 0, 100'000);
+    const Vector3d half = size_m / 2;
+    for (int i = 0; i < 12; ++i) mark_ball(&standing, 0, in_box(rng, -half, half), uniform(rng, 0.1, 0.7), i % 3 == 0);
+    if (trial % 2 == 0) mark_box(&standing, {0, -9, -9}, {0.3, uniform(rng, 0, 1), 99}, 0, 0);
+    const Vector3d goal = trial % 5 == 0 ? in_box(rng, -4 * half, 4 * half) : in_box(rng, -half, half);
+    const double low_z = uniform(rng, -1, -0.5), high_z = uniform(rng, 0.4, 9);
+    ASSERT_TRUE(guidance.build(standing, goal, low_z, high_z));
+    PlainGuidance plain(standing, goal, low_z, high_z);
+    const Vector3d corner = standing.geometry.origin.cast<double>() * 0.1;
+    plain.for_each([&](const Vector3i& cell) {
+      SCOPED_TRACE(testing::Message() << "trial " << trial << " cell " << cell.transpose());
+      const Vector3d inside =
+          corner + 0.2 * (cell.cast<double>() + in_box(rng, {0.01, 0.01, 0.01}, {0.99, 0.99, 0.99}));
+      const Vector3i found(guidance.cell_of(0, inside.x()), guidance.cell_of(1, inside.y()),
+                           guidance.cell_of(2, inside.z()));
+      ASSERT_EQ(found, cell);
+      ASSERT_NEAR(guidance.way_m(cell.x(), cell.y(), cell.z()), 0.2 * std::max(0, plain.at(cell)), 1e-9);
+      ++cells;
+      closed += plain.at(cell) == PlainGuidance::kClosed;
+      detours += 0.2 * plain.at(cell) > (goal - inside).cwiseAbs().maxCoeff() + 0.4;
+    });
+  }
+  EXPECT_GT(closed, cells / 50);
+  EXPECT_GT(detours, cells / 200);
+}
+
+TEST(GuidanceTest, SaysNothingWhereNothingStands) {
+  Guidance guidance;
+  const Sogm standing = empty_map({2, 2, 2}, 0.1, 1, 0, 100'000);
+  EXPECT_FALSE(guidance.build(standing, Vector3d::Zero(), -1, 1));
+}
+
+TEST(GuidanceTest, KnowsNothingOutsideTheWindow) {
+  Guidance guidance;
+  Sogm standing = empty_map({2, 2, 2}, 0.1, 1, 0, 100'000);
+  mark_box(&standing, {-0.5, -0.5, -0.5}, {0.5, 0.5, 0.5});
+  ASSERT_TRUE(guidance.build(standing, Vector3d(0.8, 0, 0), -1, 1));
+  EXPECT_EQ(guidance.cell_of(0, -1.01), -1);
+  EXPECT_EQ(guidance.cell_of(1, 1.01), -1);
+  EXPECT_EQ(guidance.cell_of(2, 1e9), -1);
+  EXPECT_EQ(guidance.way_m(0, -1, 0), 0.0);
+}
+
+}  // namespace
+}  // namespace swarm
