@@ -63,11 +63,35 @@ void Dilator::shape_ball(const GridGeometry& geometry, double radius_m) {
   disc_.resize(static_cast<std::size_t>(columns_));
 }
 
-bool Dilator::load_row(const std::uint64_t* row) {
+void Dilator::clear(const Sogm& in) {
+  const bool same = out_.geometry.size == in.geometry.size && out_.num_frames == in.num_frames && !out_.words.empty();
+  if (!same) {
+    out_.reset(in.geometry, in.num_frames, in.start_utime, in.frame_duration_us);
+    written_.assign(static_cast<std::size_t>(in.num_frames), {});
+    return;
+  }
+  out_.geometry = in.geometry;
+  out_.start_utime = in.start_utime;
+  out_.frame_duration_us = in.frame_duration_us;
+  for (int frame = 0; frame < in.num_frames; ++frame) {
+    const Columns& columns = written_[static_cast<std::size_t>(frame)];
+    for (int x = columns.first.x(); x <= columns.last.x(); ++x) {
+      std::fill_n(out_.column(frame, x, columns.first.y()), (columns.last.y() - columns.first.y() + 1) * words_, 0);
+    }
+  }
+}
+
+bool Dilator::load_row(const Sogm& in, int frame, int frames_before, int x, int from_y) {
   std::uint64_t any = 0;
   for (int w = 0; w < words_; ++w) {
     std::uint64_t* out = spread_row(0, w) + reach_y_;
-    for (int y = 0; y < columns_; ++y) any |= out[y] = row[y * words_ + w];
+    const std::uint64_t* row = in.column(frame, x, from_y) + w;
+    for (int y = 0; y < columns_; ++y) out[y] = row[y * words_];
+    for (int before = 1; before <= std::min(frame, frames_before); ++before) {
+      row = in.column(frame - before, x, from_y) + w;
+      for (int y = 0; y < columns_; ++y) out[y] |= row[y * words_];
+    }
+    for (int y = 0; y < columns_; ++y) any |= out[y];
   }
   if (any == 0) return false;
   for (int h = 1; h <= reach_z_; ++h) {
@@ -79,20 +103,20 @@ bool Dilator::load_row(const std::uint64_t* row) {
   return true;
 }
 
-// Columns [first, last] along x and y of the frame, window indices.
-void Dilator::dilate_frame(const Sogm& in, int frame, int first_x, int last_x, int first_y, int last_y, Sogm* out) {
+void Dilator::dilate_frame(const Sogm& in, int frame, int frames_before, const Columns& columns) {
   const Eigen::Vector3i& size = in.geometry.size;
-  const int tail = size.z() % 64;
+  const int tail = size.z() % 64, first_y = columns.first.y(), n = columns.last.y() - first_y + 1;
   const std::uint64_t top_mask = tail == 0 ? ~std::uint64_t{0} : (std::uint64_t{1} << tail) - 1;
-  const int from_y = std::max(0, first_y - reach_y_), to_y = std::min(size.y() - 1, last_y + reach_y_);
+  const int from_y = std::max(0, first_y - reach_y_), to_y = std::min(size.y() - 1, columns.last.y() + reach_y_);
   columns_ = to_y - from_y + 1;
   std::fill(spread_.begin(), spread_.end(), 0);  // the rows' margins lie elsewhere when `columns_` changes
-  const int from_x = std::max(0, first_x - reach_x_), to_x = std::min(size.x() - 1, last_x + reach_x_);
+  const int from_x = std::max(0, columns.first.x() - reach_x_);
+  const int to_x = std::min(size.x() - 1, columns.last.x() + reach_x_);
   for (int x = from_x; x <= to_x; ++x) {
-    if (!load_row(in.column(frame, x, from_y))) continue;
+    if (!load_row(in, frame, frames_before, x, from_y)) continue;
     for (int i = 0; i <= reach_x_; ++i) {  // one plane of the ball serves the rows x - i and x + i
-      const bool lower = x - i >= first_x && x - i <= last_x;
-      const bool upper = i > 0 && x + i >= first_x && x + i <= last_x;
+      const bool lower = x - i >= columns.first.x() && x - i <= columns.last.x();
+      const bool upper = i > 0 && x + i >= columns.first.x() && x + i <= columns.last.x();
       if (!lower && !upper) continue;
       for (int w = 0; w < words_; ++w) {
         std::fill(disc_.begin(), disc_.end(), 0);
@@ -102,38 +126,43 @@ void Dilator::dilate_frame(const Sogm& in, int frame, int first_x, int last_x, i
         }
         const std::uint64_t mask = w == words_ - 1 ? top_mask : ~std::uint64_t{0};
         const std::uint64_t* disc = disc_.data() + first_y - from_y;
-        const int n = last_y - first_y + 1;
-        if (lower) or_masked(disc, mask, n, words_, out->column(frame, x - i, first_y) + w);
-        if (upper) or_masked(disc, mask, n, words_, out->column(frame, x + i, first_y) + w);
+        if (lower) or_masked(disc, mask, n, words_, out_.column(frame, x - i, first_y) + w);
+        if (upper) or_masked(disc, mask, n, words_, out_.column(frame, x + i, first_y) + w);
       }
     }
   }
 }
 
-void Dilator::dilate(const Sogm& in, double radius_m, Sogm* out, const Reach* reach) {
-  out->reset(in.geometry, in.num_frames, in.start_utime, in.frame_duration_us);
-  if (in.words.empty()) return;
+Dilator::Columns Dilator::reached(const Sogm& in, int frame, const Reach& reach) {
+  // The last frame stays in force after its end.
+  const bool last = frame + 1 == in.num_frames;
+  const double end_s = 1e-6 * static_cast<double>(in.start_utime + (frame + 1) * in.frame_duration_us - reach.utime);
+  if (end_s < 0.0 && !last) return {};
+  const double until_s = last ? reach.horizon_s : std::min(end_s, reach.horizon_s);
+  const double way_m = reach.speed_mps * until_s + in.geometry.resolution_m;
+  const Eigen::Vector3i end = in.geometry.size - Eigen::Vector3i::Ones();
+  return {in.geometry.voxel_of(reach.center.array() - way_m).cwiseMax(0).head<2>(),
+          in.geometry.voxel_of(reach.center.array() + way_m).cwiseMin(end).head<2>()};
+}
+
+const Sogm& Dilator::dilate(const Sogm& in, double radius_m, const Reach* reach, int frames_before) {
   shape_ball(in.geometry, radius_m);
-  const Eigen::Vector3i last = in.geometry.size - Eigen::Vector3i::Ones();
-  for (int frame = 0; frame < in.num_frames; ++frame) {
-    if (reach == nullptr) {
-      dilate_frame(in, frame, 0, last.x(), 0, last.y(), out);
-      continue;
+  clear(in);
+  for (int frame = 0; frame < in.num_frames && !in.words.empty(); ++frame) {
+    Columns& columns = written_[static_cast<std::size_t>(frame)];
+    columns = {Eigen::Vector2i::Zero(), in.geometry.size.head<2>() - Eigen::Vector2i::Ones()};
+    if (reach != nullptr) columns = reached(in, frame, *reach);
+    if ((columns.first.array() > columns.last.array()).any()) {
+      columns = {};
+    } else {
+      dilate_frame(in, frame, frames_before, columns);
     }
-    // The last frame stays in force after its end, the first one was so before its start.
-    const double end_s = 1e-6 * static_cast<double>(in.start_utime + (frame + 1) * in.frame_duration_us - reach->utime);
-    const double until_s = frame + 1 < in.num_frames ? std::min(end_s, reach->horizon_s) : reach->horizon_s;
-    if (end_s < 0.0 && frame + 1 < in.num_frames) continue;
-    const double way_m = reach->speed_mps * until_s + in.geometry.resolution_m;
-    const Eigen::Vector3i lower = in.geometry.voxel_of(reach->center.array() - way_m).cwiseMax(0);
-    const Eigen::Vector3i upper = in.geometry.voxel_of(reach->center.array() + way_m).cwiseMin(last);
-    if (lower.x() > upper.x() || lower.y() > upper.y()) continue;
-    dilate_frame(in, frame, lower.x(), upper.x(), lower.y(), upper.y(), out);
   }
+  return out_;
 }
 
 void dilate(const Sogm& in, double radius_m, Sogm* out, const Reach* reach) {
-  Dilator().dilate(in, radius_m, out, reach);
+  *out = Dilator().dilate(in, radius_m, reach);
 }
 
 }  // namespace swarm

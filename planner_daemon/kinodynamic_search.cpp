@@ -11,6 +11,8 @@ namespace {
 
 constexpr std::int64_t kNever = std::numeric_limits<std::int64_t>::max();
 
+constexpr double kUsable = 0.98;  // of a_max: a little is left for rounding
+
 // Lengthens a hash chain by one value (splitmix64's finaliser).
 std::uint64_t mix(std::uint64_t hash, std::int64_t value) {
   hash ^= static_cast<std::uint64_t>(value) + 0x9e3779b97f4a7c15ULL + (hash << 6) + (hash >> 2);
@@ -53,9 +55,16 @@ double min_time_to_rest(double d, double v, double v_max, double a_max) {
   return (2 * v_max - v) / a_max + cruise / v_max;
 }
 
+int KinodynamicSearch::brake_pieces(const SearchLimits& limits, std::int32_t piece_us) {
+  return static_cast<int>(std::ceil(limits.v_max / (1e-6 * piece_us * kUsable * limits.a_max))) + 1;
+}
+
 KinodynamicSearch::KinodynamicSearch(const SearchLimits& limits, const SearchOptions& options)
-    : limits_(limits), options_(options), tau_(options.piece_us * 1e-6), a_lim_(0.98 * limits.a_max) {
-  brake_pieces_ = static_cast<int>(std::ceil(limits.v_max / (tau_ * a_lim_))) + 1;
+    : limits_(limits),
+      options_(options),
+      tau_(options.piece_us * 1e-6),
+      a_lim_(kUsable * limits.a_max),
+      brake_pieces_(brake_pieces(limits, options.piece_us)) {
   max_depth_ = options.num_pieces - brake_pieces_;
   if (options.num_pieces > Trajectory::kMaxPieces || max_depth_ < 1) {
     throw std::invalid_argument("horizon: " + std::to_string(options.num_pieces) + " pieces; must be at least " +

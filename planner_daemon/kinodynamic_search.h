@@ -80,6 +80,9 @@ class KinodynamicSearch {
   // Throws std::invalid_argument when the braking distance does not fit the horizon (num_pieces too small).
   KinodynamicSearch(const SearchLimits& limits, const SearchOptions& options);
 
+  // Primitives in which any reachable state comes to rest.
+  static int brake_pieces(const SearchLimits& limits, std::int32_t piece_us);
+
   SearchStatus find(const SearchProblem& problem, SearchResult* result);
 
   // Next knot of one primitive towards acceleration `a1` (tests; the search itself works per axis).

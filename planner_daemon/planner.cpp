@@ -12,6 +12,19 @@ namespace {
 
 constexpr std::int64_t kNever = std::numeric_limits<std::int64_t>::max();
 constexpr std::int64_t kCheckStep_us = 10'000;
+// In danger: harm per check step in the blocked, tight and contact zones, how far ahead it counts, and how much less of
+// it makes the quick way out worth its rough flight.
+constexpr double kBlockedHarm = 1.0, kTightHarm = 10.0, kContactHarm = 1000.0, kWorthwhile = 10.0;
+constexpr std::int64_t kHarmHorizon_us = 1'000'000;
+
+// The acceleration changes twice as fast, where half the pieces' duration leaves time to brake.
+SearchOptions quick(const SearchLimits& limits, const SearchOptions& options) {
+  SearchOptions half = options;
+  half.piece_us /= 2;
+  half.cell_m /= 2;
+  half.cell_mps /= 2;
+  return KinodynamicSearch::brake_pieces(limits, half.piece_us) < half.num_pieces ? half : options;
+}
 
 }  // namespace
 
@@ -36,6 +49,8 @@ Planner::Planner(const PlannerConfig& config, Stopwatch stopwatch)
     : config_(config),
       stopwatch_(std::move(stopwatch)),
       search_(config.limits, config.search),
+      quick_search_(config.limits, quick(config.limits, config.search)),
+      quick_piece_us_(quick(config.limits, config.search).piece_us),
       corridors_(config.limits.space_min, config.limits.space_max, config.corridor) {
   for (int pieces = 1; pieces <= config.search.num_pieces; ++pieces) {
     optimizers_.emplace_back(5, std::vector<double>(static_cast<std::size_t>(pieces), config.search.piece_us * 1e-6));
@@ -79,13 +94,16 @@ void Planner::compose(const PlanRequest& request) {
   const SearchOptions& search = config_.search;
   reach_ = {request.own.at(request.start_utime).position, request.start_utime, config_.limits.v_max,
             1e-6 * search.piece_us * search.num_pieces};
-  dilator_.dilate(occupied_, config_.radius_m + config_.clearance_m, &blocked_, &reach_);
-  dilator_.dilate(blocked_, config_.comfort_m, &near_, &reach_);
+  blocked_.dilate(occupied_, config_.radius_m + config_.clearance_m, &reach_);
+  // Whatever moves away may turn and come back.
+  const auto wake =
+      static_cast<int>(std::llround(1e6 * config_.wake_s / static_cast<double>(occupied_.frame_duration_us)));
+  near_.dilate(occupied_, config_.radius_m + config_.clearance_m + config_.comfort_m, &reach_, wake);
 }
 
 void Planner::dilate_emergency_zones() {
-  dilator_.dilate(occupied_, config_.radius_m + config_.tight_m, &tight_, &reach_);
-  dilator_.dilate(occupied_, std::max(0.0, config_.radius_m - config_.contact_m), &contact_, &reach_);
+  tight_.dilate(occupied_, config_.radius_m + config_.tight_m, &reach_);
+  contact_.dilate(occupied_, std::max(0.0, config_.radius_m - config_.contact_m), &reach_);
 }
 
 // Configuration space of what is occupied in every frame.
@@ -97,7 +115,7 @@ void Planner::compose_standing() {
     const std::uint64_t* words = occupied_.column(frame, 0, 0);
     for (std::size_t i = 0; i < n; ++i) still_.words[i] &= words[i];
   }
-  dilator_.dilate(still_, config_.radius_m + config_.clearance_m, &standing_);
+  standing_.dilate(still_, config_.radius_m + config_.clearance_m);
 }
 
 SearchStatus Planner::search(const PlanRequest& request) {
@@ -105,17 +123,18 @@ SearchStatus Planner::search(const PlanRequest& request) {
   problem.start = request.own.at(request.start_utime);
   problem.start_utime = request.start_utime;
   problem.goal = request.goal;
-  problem.blocked = &blocked_;
-  problem.near = &near_;
-  problem.tight = &tight_;
-  problem.contact = &contact_;
+  const Sogm& blocked = blocked_.map();
+  problem.blocked = &blocked;
+  problem.near = &near_.map();
+  problem.tight = &tight_.map();
+  problem.contact = &contact_.map();
   const SearchLimits& limits = config_.limits;
   compose_standing();
-  if (guidance_.build(standing_, request.goal, limits.space_min.z(), limits.space_max.z()))
+  if (guidance_.build(standing_.map(), request.goal, limits.space_min.z(), limits.space_max.z()))
     problem.guidance = &guidance_;
-  const bool start_blocked =
-      blocked_.occupied(blocked_.frame_at(request.start_utime), blocked_.geometry.voxel_of(problem.start.position));
-  if (start_blocked) dilate_emergency_zones();
+  in_danger_ =
+      blocked.occupied(blocked.frame_at(request.start_utime), blocked.geometry.voxel_of(problem.start.position));
+  if (in_danger_) dilate_emergency_zones();
   problem.fine = false;
   SearchStatus status = search_.find(problem, &path_);
   result_.expansions = path_.expansions;
@@ -128,11 +147,13 @@ SearchStatus Planner::search(const PlanRequest& request) {
       status = fine_status;
     }
   }
-  if (status == SearchStatus::kPartial) {  // nothing survives: find what comes least near
-    if (!start_blocked) dilate_emergency_zones();
+  if (in_danger_ || status == SearchStatus::kPartial) {  // look for the way that does least harm as well
+    if (!in_danger_) dilate_emergency_zones();
+    in_danger_ = true;
+    problem.fine = false;
     problem.emergency = true;
-    (void)search_.find(problem, &path_);
-    result_.expansions += path_.expansions;
+    (void)quick_search_.find(problem, &quick_path_);
+    result_.expansions += quick_path_.expansions;
   }
   return status;
 }
@@ -144,7 +165,7 @@ bool Planner::grow_corridors(const PlanRequest& request) {
   for (int k = 0; k < path_.num_pieces; ++k) {
     const std::int64_t from = request.start_utime + k * std::int64_t{config_.search.piece_us};
     const ControlPoints piece = quintic_control_points(path_.knots[k], path_.knots[k + 1], h);
-    const FiriStatus status = corridors_.build(piece, blocked_, from, from + config_.search.piece_us,
+    const FiriStatus status = corridors_.build(piece, blocked_.map(), from, from + config_.search.piece_us,
                                                &problem_.corridors[static_cast<std::size_t>(k)]);
     if (status != FiriStatus::kGrown) return false;
   }
@@ -174,9 +195,9 @@ bool Planner::optimize(const PlanRequest& request, Trajectory* smooth) {
   return true;
 }
 
-Trajectory Planner::raw_trajectory(std::int64_t start_utime) const {
-  Trajectory raw(0, start_utime, config_.search.piece_us, path_.num_pieces);
-  for (int k = 0; k <= path_.num_pieces; ++k) raw.set_knot(k, path_.knots[k]);
+Trajectory Planner::raw_trajectory(const SearchResult& path, std::int32_t piece_us, std::int64_t start_utime) const {
+  Trajectory raw(0, start_utime, piece_us, path.num_pieces);
+  for (int k = 0; k <= path.num_pieces; ++k) raw.set_knot(k, path.knots[static_cast<std::size_t>(k)]);
   return raw;
 }
 
@@ -201,22 +222,40 @@ std::int64_t Planner::first_blocked(const Motion& motion, const Sogm& blocked, s
   return kNever;
 }
 
+double Planner::harm(const Motion& motion, std::int64_t from_utime) const {
+  const Sogm& blocked = blocked_.map();
+  double harm = 0.0;
+  for (std::int64_t t = from_utime; t < from_utime + kHarmHorizon_us; t += kCheckStep_us) {
+    const Eigen::Vector3i voxel = blocked.geometry.voxel_of(motion.at(t).position);
+    const int frame = blocked.frame_at(t);
+    if (!blocked.occupied(frame, voxel)) continue;
+    const bool tight = tight_.map().occupied(frame, voxel), contact = contact_.map().occupied(frame, voxel);
+    harm += contact ? kContactHarm : tight ? kTightHarm : kBlockedHarm;
+  }
+  return harm;
+}
+
 void Planner::check(const PlanRequest& request, bool smoothed, const Trajectory& smooth) {
   const std::int64_t from = request.start_utime;
   const std::int64_t left = from + (path_.left_blocked ? std::llround(config_.search.leave_s * 1e6) : 0);
   const bool safe = result_.search_status != SearchStatus::kPartial;
-  if (safe && smoothed && within_limits(smooth) && first_blocked({smooth, {}}, blocked_, left) == kNever) {
+  result_.fly = true;
+  if (safe && smoothed && within_limits(smooth) && first_blocked({smooth, {}}, blocked_.map(), left) == kNever) {
     result_.outcome = PlanOutcome::kSmooth;
     result_.trajectory = smooth;
-    result_.fly = true;
-    return;
+  } else {
+    result_.outcome = safe ? PlanOutcome::kRaw : PlanOutcome::kUnsafe;
+    result_.trajectory = raw_trajectory(path_, config_.search.piece_us, from);
   }
-  result_.trajectory = raw_trajectory(from);
-  result_.outcome = safe ? PlanOutcome::kRaw : PlanOutcome::kUnsafe;
-  result_.fly = true;
-  if (!safe) {  // the motion already flown may stay without a touch for longer
-    result_.fly = first_blocked({result_.trajectory, {}}, contact_, from) >= first_blocked(request.own, contact_, from);
+  if (!in_danger_) return;
+  double least = harm({result_.trajectory, {}}, from);
+  const Trajectory quick = raw_trajectory(quick_path_, quick_piece_us_, from);
+  if (const double quick_harm = harm({quick, {}}, from); quick_harm + kWorthwhile < least) {
+    result_.outcome = PlanOutcome::kUnsafe;
+    result_.trajectory = quick;
+    least = quick_harm;
   }
+  result_.fly = least <= harm(request.own, from);
 }
 
 }  // namespace swarm

@@ -21,6 +21,7 @@ struct PlannerConfig {
   double tight_m = 0.03;     // in an emergency: the clearance that is still given up last before a touch
   double contact_m = 0.04;   // a voxel's centre this far inside the radius means a touch
   double comfort_m = 0.15;   // beyond the clearance: avoided where that costs little
+  double wake_s = 0.5;       // and where an obstacle was until then, for it may turn
   SearchLimits limits;       // flight space: of the robot's centre
   SearchOptions search;
   CorridorOptions corridor;
@@ -43,7 +44,7 @@ struct PlanRequest {
 enum class PlanOutcome {
   kSmooth,  // the optimised trajectory
   kRaw,     // the search's own path: smoothing was not possible or not safe
-  kUnsafe,  // nothing survives: the motion that comes least near, which may be the one already flown
+  kUnsafe,  // nothing free: the motion that comes least near, in pieces of half the duration or as already flown
 };
 const char* to_string(PlanOutcome outcome);
 
@@ -82,7 +83,8 @@ class Planner {
   bool grow_corridors(const PlanRequest& request);
   bool optimize(const PlanRequest& request, Trajectory* smooth);
   void check(const PlanRequest& request, bool smoothed, const Trajectory& smooth);
-  Trajectory raw_trajectory(std::int64_t start_utime) const;
+  Trajectory raw_trajectory(const SearchResult& path, std::int32_t piece_us, std::int64_t start_utime) const;
+  double harm(const Motion& motion, std::int64_t from_utime) const;
   bool within_limits(const Trajectory& trajectory) const;
   void lap(PlanStep step);
 
@@ -90,16 +92,17 @@ class Planner {
   Stopwatch stopwatch_;
   std::int64_t lap_ns_ = 0;
   Guidance guidance_;
-  KinodynamicSearch search_;
+  KinodynamicSearch search_, quick_search_;
+  std::int32_t quick_piece_us_;
+  bool in_danger_ = false;  // starts in blocked space, or nothing survives
   CorridorBuilder corridors_;
   std::vector<SplineQp> optimizers_;  // [n - 1]: for n pieces
   SplineProblem problem_;
   SplineSolution solution_;
-  Dilator dilator_;
-  Reach reach_;  // of the robot: all that the plan can touch
-  Sogm occupied_, blocked_, near_, tight_, contact_;
-  Sogm still_, standing_;  // what does not move: occupied and as configuration space
-  SearchResult path_, fine_path_;
+  Reach reach_;            // of the robot: all that the plan can touch
+  Sogm occupied_, still_;  // all obstacles and peers; what of them never moves
+  Dilator blocked_, near_, tight_, contact_, standing_;
+  SearchResult path_, fine_path_, quick_path_;
   PlanResult result_;
 };
 

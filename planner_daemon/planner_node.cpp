@@ -39,6 +39,8 @@ void declare(OptionSet& options, PlannerNodeConfig& config) {
   options.add("tight-clearance", &planner.tight_m, 0, 5, "m",
               "in an emergency, when nothing survives: given up last before a touch");
   options.add("comfort", &planner.comfort_m, 0, 5, "m", "beyond the clearance: avoided where that costs little time");
+  options.add("wake", &planner.wake_s, 0, 2, "s",
+              "where an obstacle was until this long ago is avoided in the same way: it may turn");
   options.add("v-max", &planner.limits.v_max, 0.01, 100, "m/s", "speed limit per axis");
   options.add("a-max", &planner.limits.a_max, 0.01, 1000, "m/s^2", "acceleration limit per axis");
   options.add("space-min", &planner.limits.space_min, -1e5, 1e5, "m",

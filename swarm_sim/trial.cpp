@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <regex>
 #include <stdexcept>
 
 #include "swarm_sim/text.h"
@@ -48,13 +47,26 @@ Trial listed_trial(const std::string& text, const std::string& list_at) {
   trial.name = trial.list_at = list_at;
   trial.world_text = text;
   const World world = trial.world();
-  static const std::regex kName("(cross|bilateral|unilateral|circle)-(empty|pure|mixed)-[0-9]+-([0-9]+)");
-  std::smatch match;
-  const bool known = std::regex_match(world.name, match, kName);
-  trial.task = known ? match[1].str() : world.name;
-  trial.environment = known ? match[2].str() : "";
-  trial.seed = known ? match[3].str() : "";
+  trial.task = world.name;
   trial.obstacles = static_cast<int>(world.obstacles.size());
+  std::vector<std::string> parts(1);
+  for (const char c : world.name) {
+    if (c == '-') {
+      parts.emplace_back();
+    } else {
+      parts.back() += c;
+    }
+  }
+  try {
+    if (parts.size() != 4 || parts[3].empty() || parts[3].find_first_not_of("0123456789") != std::string::npos)
+      return trial;
+    (void)task_from(parts[0]);
+    (void)environment_from(parts[1]);
+    trial.task = parts[0];
+    trial.environment = parts[1];
+    trial.seed = parts[3];
+  } catch (const WorldError&) {  // some other name
+  }
   return trial;
 }
 

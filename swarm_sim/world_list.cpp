@@ -4,7 +4,6 @@
 
 #include <array>
 #include <memory>
-#include <regex>
 
 #include "swarm_sim/world_json.h"
 
@@ -47,14 +46,17 @@ std::vector<WorldLine> read_world_lines(const std::filesystem::path& path) {
 }
 
 World read_listed_world(const std::string& place) {
-  static const std::regex kListed(R"((.+\.jsonl(?:\.gz)?):([0-9]{1,9}))");
-  std::smatch match;
-  if (!std::regex_match(place, match, kListed)) return read_world(place);
-  const std::filesystem::path path = match[1].str();
+  const std::size_t colon = place.rfind(':');
+  if (colon == std::string::npos) return read_world(place);
+  const std::string list = place.substr(0, colon), number = place.substr(colon + 1);
+  const bool listed = list.ends_with(".jsonl") || list.ends_with(".jsonl.gz");
+  if (!listed || number.empty() || number.size() > 9 || number.find_first_not_of("0123456789") != std::string::npos)
+    return read_world(place);
+  const std::filesystem::path path = list;
   for (const WorldLine& line : read_world_lines(path)) {
-    if (line.number == std::stoi(match[2])) return parse_world(line.text, place, path.parent_path());
+    if (line.number == std::stoi(number)) return parse_world(line.text, place, path.parent_path());
   }
-  throw WorldError(path.string() + ": line " + match[2].str() + ": must hold a world");
+  throw WorldError(list + ": line " + number + ": must hold a world");
 }
 
 }  // namespace swarm

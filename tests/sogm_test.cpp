@@ -64,7 +64,7 @@ TEST(Dilation, EqualsBruteForce) {
       for (double resolution_m : {0.1, 0.15, 0.08}) {
         const Sogm in = random_sogm(size, 2, density, resolution_m, &rng);
         for (int radius_tenths : {0, 7, 10, 14, 15, 20, 30, 37, 50, 90}) {
-          dilator.dilate(in, radius_tenths * resolution_m / 10, &out);
+          out = dilator.dilate(in, radius_tenths * resolution_m / 10);
           brute_force(in, radius_tenths, &expected);
           EXPECT_TRUE(out.words == expected.words)
               << "size " << size.transpose() << " density " << density << " resolution " << resolution_m << " radius "
