@@ -55,8 +55,8 @@ void Guidance::seed(int x, int y, int w, std::uint64_t bits, const Eigen::Vector
   const auto word = static_cast<std::uint32_t>(column(x, y) * static_cast<std::size_t>(words_) + w);
   for (bits &= open_[word]; bits != 0; bits &= bits - 1) {
     const int z = 64 * w + std::countr_zero(bits);
-    const Eigen::Vector3d center = corner_ + cell_m_ * Eigen::Vector3d(x + 0.5, y + 0.5, z + 0.5);
-    const double way_m = (goal - center).cwiseAbs().maxCoeff();
+    const auto way = [&](int axis, int cell) { return std::abs(goal[axis] - corner_[axis] - cell_m_ * (cell + 0.5)); };
+    const double way_m = std::max({way(0, x), way(1, y), way(2, z)});
     const auto steps = static_cast<std::size_t>(std::min<double>(kMaxSteps, way_m * inverse_cell_));
     if (steps >= seeds_.size()) seeds_.resize(steps + 1);
     seeds_[steps].push_back({word, bits & -bits});

@@ -169,6 +169,7 @@ double KinodynamicSearch::zone_cost(const AxisOption& x, const AxisOption& y, co
     const auto in = [&](const Sogm* zone) { return (zone->words[static_cast<std::size_t>(words[i])] & bits[i]) != 0; };
     if (!in(problem_.near)) continue;
     cost += options_.near_weight;
+    if (problem_.wake != nullptr && in(problem_.wake)) cost += options_.wake_weight;
     if (!in(problem_.blocked)) continue;
     if (!leaving(depth, static_cast<int>(i))) return -1.0;
     cost += options_.leave_weight;
@@ -201,6 +202,18 @@ double KinodynamicSearch::time_to_goal(double x_s, double y_s, double z_s, doubl
   const double longest = std::max({x_s, y_s, z_s});
   const double rest = x_s + y_s + z_s - longest;
   return std::max(longest, way_m / limits_.v_max) + 0.05 * rest;  // the slowest axis decides, the others break ties
+}
+
+double KinodynamicSearch::way_m(const Eigen::Vector3d& position) const {
+  const Guidance* guidance = problem_.guidance;
+  if (guidance == nullptr) return 0.0;
+  return guidance->way_m(guidance->cell_of(0, position.x()), guidance->cell_of(1, position.y()),
+                         guidance->cell_of(2, position.z()));
+}
+
+double KinodynamicSearch::time_to_goal(const Eigen::Vector3d& position) const {
+  return time_to_goal(axis_time(0, position.x(), 0.0), axis_time(1, position.y(), 0.0), axis_time(2, position.z(), 0.0),
+                      way_m(position));
 }
 
 bool KinodynamicSearch::seen_before(const State& state, int depth) {
@@ -347,12 +360,7 @@ SearchStatus KinodynamicSearch::find(const SearchProblem& problem, SearchResult*
 
   const State start{problem.start.position, problem.start.velocity, problem.start.acceleration};
   const auto axis_s = [&](int axis) { return axis_time(axis, start.position[axis], start.velocity[axis]); };
-  double way_m = 0.0;
-  if (const Guidance* guidance = problem.guidance; guidance != nullptr) {
-    const auto cell = [&](int axis) { return guidance->cell_of(axis, start.position[axis]); };
-    way_m = guidance->way_m(cell(0), cell(1), cell(2));
-  }
-  push(start, time_to_goal(axis_s(0), axis_s(1), axis_s(2), way_m), 0.0, -1, 0);
+  push(start, time_to_goal(axis_s(0), axis_s(1), axis_s(2), way_m(start.position)), 0.0, -1, 0);
   while (!open_.empty() && result->expansions < options_.max_expansions) {
     std::pop_heap(open_.begin(), open_.end(), kLater);
     const std::int32_t index = open_.back().node;

@@ -36,6 +36,7 @@ struct SearchOptions {
                           // and axes slower than half of it also a quarter of the acceleration
   double effort_weight = 0.002;  // cost per |a|^2 [m^2/s^4] and second
   double near_weight = 0.4;      // cost per second spent in the near zone; well below 1, or narrow places are shunned
+  double wake_weight = 1.0;      // cost per second spent in an obstacle's wake, on top
   double leave_s = 0.45;         // a robot that starts in blocked space may take this long to leave it
   double leave_weight = 30.0;    // cost per second of that; ten times as much in the tight zone and again in contact
 };
@@ -46,6 +47,7 @@ struct SearchProblem {
   Eigen::Vector3d goal = Eigen::Vector3d::Zero();  // W [m]
   const Sogm* blocked = nullptr;                   // configuration space: where the robot's centre may not be
   const Sogm* near = nullptr;                      // where it had rather not be; holds `blocked`; same geometry
+  const Sogm* wake = nullptr;  // inside `near`: where an obstacle that turns comes back; may be null
   // Looked at only while leaving blocked space and in an emergency: ever nearer to a touch; each inside the one before;
   // same geometry.
   const Sogm* tight = nullptr;
@@ -82,6 +84,9 @@ class KinodynamicSearch {
 
   // Primitives in which any reachable state comes to rest.
   static int brake_pieces(const SearchLimits& limits, std::int32_t piece_us);
+
+  // Lower bound of the time to the goal of the problem last searched, for a robot at rest [s].
+  double time_to_goal(const Eigen::Vector3d& position) const;
 
   SearchStatus find(const SearchProblem& problem, SearchResult* result);
 
@@ -133,6 +138,7 @@ class KinodynamicSearch {
   double axis_time(int axis, double position, double velocity) const;
   // Time to the goal from the axes' times and the guidance's way.
   double time_to_goal(double x_s, double y_s, double z_s, double way_m) const;
+  double way_m(const Eigen::Vector3d& position) const;  // of the guidance; 0 without
   void expand(std::int32_t index);
   void push(const State& state, double to_goal_s, double cost, std::int32_t parent, int depth);
   bool seen_before(const State& state, int depth);

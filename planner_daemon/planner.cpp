@@ -12,6 +12,7 @@ namespace {
 
 constexpr std::int64_t kNever = std::numeric_limits<std::int64_t>::max();
 constexpr std::int64_t kCheckStep_us = 10'000;
+constexpr double kKeepBonus_s = 0.05;  // of the motion already flown where the search got stuck
 // In danger: harm per check step in the blocked, tight and contact zones, how far ahead it counts, and how much less of
 // it makes the quick way out worth its rough flight.
 constexpr double kBlockedHarm = 1.0, kTightHarm = 10.0, kContactHarm = 1000.0, kWorthwhile = 10.0;
@@ -94,11 +95,15 @@ void Planner::compose(const PlanRequest& request) {
   const SearchOptions& search = config_.search;
   reach_ = {request.own.at(request.start_utime).position, request.start_utime, config_.limits.v_max,
             1e-6 * search.piece_us * search.num_pieces};
-  blocked_.dilate(occupied_, config_.radius_m + config_.clearance_m, &reach_);
-  // Whatever moves away may turn and come back.
+  // Whatever moves away may turn and come back: its wake is avoided. The wake of what is reached lies farther back.
   const auto wake =
       static_cast<int>(std::llround(1e6 * config_.wake_s / static_cast<double>(occupied_.frame_duration_us)));
-  near_.dilate(occupied_, config_.radius_m + config_.clearance_m + config_.comfort_m, &reach_, wake);
+  Reach before = reach_;
+  before.utime -= std::llround(1e6 * config_.wake_s);
+  before.horizon_s += config_.wake_s;
+  blocked_.dilate(occupied_, config_.radius_m + config_.clearance_m, &before);
+  near_.dilate(blocked_.map(), config_.comfort_m, &reach_, wake);
+  wake_.dilate(blocked_.map(), 0.0, &reach_, wake);
 }
 
 void Planner::dilate_emergency_zones() {
@@ -126,6 +131,7 @@ SearchStatus Planner::search(const PlanRequest& request) {
   const Sogm& blocked = blocked_.map();
   problem.blocked = &blocked;
   problem.near = &near_.map();
+  problem.wake = &wake_.map();
   problem.tight = &tight_.map();
   problem.contact = &contact_.map();
   const SearchLimits& limits = config_.limits;
@@ -147,6 +153,12 @@ SearchStatus Planner::search(const PlanRequest& request) {
       status = fine_status;
     }
   }
+  // Stuck now, but an earlier search knew better: what it found is not dropped.
+  keeps_own_ =
+      path_.settled && !in_danger_ && status == SearchStatus::kSurvives &&
+      first_blocked(request.own, blocked, request.start_utime) == kNever &&
+      search_.time_to_goal(request.own.at(request.own.end_utime()).position) <
+          search_.time_to_goal(path_.knots[static_cast<std::size_t>(path_.num_pieces)].position) + kKeepBonus_s;
   if (in_danger_ || status == SearchStatus::kPartial) {  // look for the way that does least harm as well
     if (!in_danger_) dilate_emergency_zones();
     in_danger_ = true;
@@ -239,7 +251,7 @@ void Planner::check(const PlanRequest& request, bool smoothed, const Trajectory&
   const std::int64_t from = request.start_utime;
   const std::int64_t left = from + (path_.left_blocked ? std::llround(config_.search.leave_s * 1e6) : 0);
   const bool safe = result_.search_status != SearchStatus::kPartial;
-  result_.fly = true;
+  result_.fly = !keeps_own_;
   if (safe && smoothed && within_limits(smooth) && first_blocked({smooth, {}}, blocked_.map(), left) == kNever) {
     result_.outcome = PlanOutcome::kSmooth;
     result_.trajectory = smooth;

@@ -21,7 +21,7 @@ struct PlannerConfig {
   double tight_m = 0.03;     // in an emergency: the clearance that is still given up last before a touch
   double contact_m = 0.04;   // a voxel's centre this far inside the radius means a touch
   double comfort_m = 0.15;   // beyond the clearance: avoided where that costs little
-  double wake_s = 0.5;       // and where an obstacle was until then, for it may turn
+  double wake_s = 0.5;       // where an obstacle was until this long before is its wake: it may turn
   SearchLimits limits;       // flight space: of the robot's centre
   SearchOptions search;
   CorridorOptions corridor;
@@ -94,6 +94,7 @@ class Planner {
   Guidance guidance_;
   KinodynamicSearch search_, quick_search_;
   std::int32_t quick_piece_us_;
+  bool keeps_own_ = false;  // the search got stuck, and the own motion ends nearer to the goal
   bool in_danger_ = false;  // starts in blocked space, or nothing survives
   CorridorBuilder corridors_;
   std::vector<SplineQp> optimizers_;  // [n - 1]: for n pieces
@@ -101,7 +102,7 @@ class Planner {
   SplineSolution solution_;
   Reach reach_;            // of the robot: all that the plan can touch
   Sogm occupied_, still_;  // all obstacles and peers; what of them never moves
-  Dilator blocked_, near_, tight_, contact_, standing_;
+  Dilator blocked_, near_, wake_, tight_, contact_, standing_;
   SearchResult path_, fine_path_, quick_path_;
   PlanResult result_;
 };

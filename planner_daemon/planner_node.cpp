@@ -40,7 +40,7 @@ void declare(OptionSet& options, PlannerNodeConfig& config) {
               "in an emergency, when nothing survives: given up last before a touch");
   options.add("comfort", &planner.comfort_m, 0, 5, "m", "beyond the clearance: avoided where that costs little time");
   options.add("wake", &planner.wake_s, 0, 2, "s",
-              "where an obstacle was until this long ago is avoided in the same way: it may turn");
+              "where an obstacle was until this long before is its wake, and avoided: it may turn");
   options.add("v-max", &planner.limits.v_max, 0.01, 100, "m/s", "speed limit per axis");
   options.add("a-max", &planner.limits.a_max, 0.01, 1000, "m/s^2", "acceleration limit per axis");
   options.add("space-min", &planner.limits.space_min, -1e5, 1e5, "m",
@@ -54,6 +54,8 @@ void declare(OptionSet& options, PlannerNodeConfig& config) {
   options.add("max-expansions", &planner.search.max_expansions, 10, 100'000, "", "budget of the search");
   options.add("near-weight", &planner.search.near_weight, 0, 100, "",
               "cost of a second within the comfort distance, in seconds of flight");
+  options.add("wake-weight", &planner.search.wake_weight, 0, 100, "",
+              "cost of a second in an obstacle's wake, on top, in seconds of flight");
   options.add("corridor-reach", &planner.corridor.reach_m, 0.1, 10, "m", "how far a corridor reaches beyond its piece");
   options.add("lead", &config.lead_s, 0.005, 2, "s",
               "a plan leaves the committed motion this long after planning starts");

@@ -89,7 +89,10 @@ class ExhaustiveSearch {
       const std::int64_t since = (std::int64_t{depth} * kSamples + i) * options_.piece_us / kSamples;
       const std::int64_t utime = problem_.start_utime + since;
       double weight = 0.0;
-      if (occupied_at(*problem_.near, p, utime)) weight += options_.near_weight;
+      if (occupied_at(*problem_.near, p, utime)) {
+        weight += options_.near_weight;
+        if (problem_.wake != nullptr && occupied_at(*problem_.wake, p, utime)) weight += options_.wake_weight;
+      }
       if (occupied_at(*problem_.blocked, p, utime)) {
         if (!start_blocked_ || since > static_cast<std::int64_t>(options_.leave_s * 1e6)) return INFINITY;
         weight += options_.leave_weight;

@@ -353,7 +353,7 @@ TEST(PlannerTest, SmoothingLowersTheJerkOfTheSearchedPathInsideItsCorridors) {
     if (result.outcome != PlanOutcome::kSmooth) continue;
     Sogm blocked, near, tight, contact;
     dilate(sogm, config.radius_m + config.clearance_m, &blocked);
-    dilate(sogm, config.radius_m + config.clearance_m + config.comfort_m, &near);
+    dilate(blocked, config.comfort_m, &near);
     dilate(sogm, config.radius_m + config.tight_m, &tight);
     dilate(sogm, config.radius_m - config.contact_m, &contact);
     Sogm still, standing;  // occupied in every frame
@@ -371,6 +371,7 @@ TEST(PlannerTest, SmoothingLowersTheJerkOfTheSearchedPathInsideItsCorridors) {
     problem.goal = request.goal;
     problem.blocked = &blocked;
     problem.near = &near;
+    problem.wake = &blocked;
     problem.tight = &tight;
     problem.contact = &contact;
     if (guidance.build(standing, request.goal, config.limits.space_min.z(), config.limits.space_max.z()))
