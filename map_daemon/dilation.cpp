@@ -25,6 +25,20 @@ SWARM_WIDE void or_two(const std::uint64_t* a, const std::uint64_t* b, int n, st
   for (int i = 0; i < n; ++i) out[i] |= a[i] | b[i];
 }
 
+SWARM_WIDE void or_strided(const std::uint64_t* __restrict in, int n, int stride, std::uint64_t* __restrict out) {
+  if (stride == 1) {
+    for (int i = 0; i < n; ++i) out[i] |= in[i];
+  } else {
+    for (int i = 0; i < n; ++i) out[i] |= in[static_cast<std::size_t>(i) * stride];
+  }
+}
+
+SWARM_WIDE std::uint64_t or_all(const std::uint64_t* in, int n) {
+  std::uint64_t any = 0;
+  for (int i = 0; i < n; ++i) any |= in[i];
+  return any;
+}
+
 SWARM_WIDE void or_masked(const std::uint64_t* __restrict in, std::uint64_t mask, int n, int stride,
                           std::uint64_t* __restrict out) {
   if (stride == 1) {
@@ -85,13 +99,10 @@ bool Dilator::load_row(const Sogm& in, int frame, int frames_before, int x, int 
   std::uint64_t any = 0;
   for (int w = 0; w < words_; ++w) {
     std::uint64_t* out = spread_row(0, w) + reach_y_;
-    const std::uint64_t* row = in.column(frame, x, from_y) + w;
-    for (int y = 0; y < columns_; ++y) out[y] = row[y * words_];
-    for (int before = 1; before <= std::min(frame, frames_before); ++before) {
-      row = in.column(frame - before, x, from_y) + w;
-      for (int y = 0; y < columns_; ++y) out[y] |= row[y * words_];
-    }
-    for (int y = 0; y < columns_; ++y) any |= out[y];
+    std::fill_n(out, columns_, 0);
+    for (int before = 0; before <= std::min(frame, frames_before); ++before)
+      or_strided(in.column(frame - before, x, from_y) + w, columns_, words_, out);
+    any |= or_all(out, columns_);
   }
   if (any == 0) return false;
   for (int h = 1; h <= reach_z_; ++h) {

@@ -52,15 +52,20 @@ void set_run(double low, double high, int size, std::uint64_t* column) {
 
 class Painter {
  public:
-  Painter(const Core& core, const Sweep& sweep, int frame, Sogm* sogm)
+  Painter(const Core& core, const Sweep& sweep, int frame, Sogm* sogm, std::vector<std::uint64_t>* full)
       : core_(core),
         sweep_(sweep),
         frame_(frame),
         sogm_(*sogm),
-        inverse_resolution_(1.0 / sogm->geometry.resolution_m) {
+        inverse_resolution_(1.0 / sogm->geometry.resolution_m),
+        words_(sogm->geometry.words_per_column()),
+        full_(*full) {
     const double length2 = sweep.travel.squaredNorm();
     inverse_travel_ = length2 > 0.0 ? Eigen::Vector2d(sweep.travel / length2) : Eigen::Vector2d::Zero();
     z_offset_ = sweep.center.z() * inverse_resolution_ - 0.5 - sogm->geometry.origin.z();
+    const double top = core.half_height + sweep.reach;
+    full_.assign(static_cast<std::size_t>(words_), 0);
+    run(-top, top, full_.data());
   }
 
   void paint() {
@@ -121,7 +126,11 @@ class Painter {
   void paint_solid(double gap2, std::uint64_t* column) const {
     const double rest = sweep_.reach * sweep_.reach - gap2;
     if (rest < 0.0) return;
-    const double top = core_.half_height + (gap2 == 0.0 ? sweep_.reach : std::sqrt(rest));
+    if (gap2 == 0.0) {
+      for (int w = 0; w < words_; ++w) column[w] |= full_[static_cast<std::size_t>(w)];
+      return;
+    }
+    const double top = core_.half_height + std::sqrt(rest);
     run(-top, top, column);
   }
 
@@ -149,8 +158,10 @@ class Painter {
   const int frame_;
   Sogm& sogm_;
   const double inverse_resolution_;
-  Eigen::Vector2d inverse_travel_;  // travel / |travel|^2: projects onto [0, 1]
-  double z_offset_;                 // the centre's height in voxels above the window's first centre
+  Eigen::Vector2d inverse_travel_;    // travel / |travel|^2: projects onto [0, 1]
+  double z_offset_;                   // the centre's height in voxels above the window's first centre
+  int words_;                         // per column
+  std::vector<std::uint64_t>& full_;  // a column inside the footprint
 };
 
 // Whether the core, moving from `from` by `motion` and widened by `reach`, may touch the window at all.
@@ -172,6 +183,7 @@ void paint_core(const Core& core, const Eigen::Vector3d& offset, const Obstacle&
   const bool straight = core.round() && motion.z() == 0.0;
   const int steps = straight ? 0 : static_cast<int>(std::ceil(motion.norm() / (0.5 * sogm->geometry.resolution_m)));
   const double step_m = steps > 0 ? motion.norm() / steps : 0.0;
+  std::vector<std::uint64_t> full;
   for (int frame = 0; frame < sogm->num_frames; ++frame) {
     const Eigen::Vector3d from = obstacle.position + offset + (lead_s + frame * frame_s) * obstacle.velocity;
     // A point within r of a core on its way is within sqrt(r^2 + step^2 / 4) of it at one end of the step, whatever the
@@ -182,7 +194,7 @@ void paint_core(const Core& core, const Eigen::Vector3d& offset, const Obstacle&
     for (int k = 0; k <= steps; ++k) {
       const Sweep sweep{steps > 0 ? Eigen::Vector3d(from + motion * k / steps) : from,
                         straight ? Eigen::Vector2d(motion.head<2>()) : Eigen::Vector2d::Zero(), reach};
-      Painter(core, sweep, frame, sogm).paint();
+      Painter(core, sweep, frame, sogm, &full).paint();
     }
   }
 }

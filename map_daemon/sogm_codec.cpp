@@ -67,12 +67,25 @@ std::span<const sogm_t> SogmEncoder::encode(const Sogm& sogm, sogm_swarm::header
   content_.resize(bitmap_words + sogm.words.size());
   std::fill_n(content_.begin(), bitmap_words, 0);
   std::size_t size = bitmap_words;
-  for (std::size_t i = 0; i < sogm.words.size(); ++i) {
-    const std::uint64_t delta = i < n ? sogm.words[i] : sogm.words[i] ^ sogm.words[i - n];
+  zeros_.assign(n, 0);
+  const auto append = [&](std::size_t i, std::uint64_t delta) {
     content_[size] = delta;  // written over when it is zero
     const std::uint64_t changed = delta != 0 ? 1 : 0;
     content_[i / 64] |= changed << (i % 64);
     size += changed;
+  };
+  constexpr std::size_t kBlock = 8;  // words, of which mostly none has changed
+  for (std::size_t begin = 0; begin < sogm.words.size(); begin += n) {
+    const std::uint64_t* words = sogm.words.data() + begin;
+    const std::uint64_t* before = begin == 0 ? zeros_.data() : words - n;
+    std::size_t i = 0;
+    for (; i + kBlock <= n; i += kBlock) {
+      std::uint64_t any = 0;
+      for (std::size_t k = 0; k < kBlock; ++k) any |= words[i + k] ^ before[i + k];
+      if (any == 0) continue;
+      for (std::size_t k = 0; k < kBlock; ++k) append(begin + i + k, words[i + k] ^ before[i + k]);
+    }
+    for (; i < n; ++i) append(begin + i, words[i] ^ before[i]);
   }
 
   const std::size_t raw_bytes = size * sizeof(std::uint64_t);
@@ -164,13 +177,26 @@ Refusal SogmAssembler::unpack() {
   const bool beyond = num_words % 64 != 0 && content_[bitmap_words - 1] >> num_words % 64 != 0;
   if (beyond || bitmap_words + changed != content_.size()) return Refusal::kInconsistent;
 
-  map_.reset(geometry, layout_.num_frames, layout_.header.utime, layout_.frame_duration_us);
-  std::size_t next = bitmap_words;
+  map_.geometry = geometry;
+  map_.num_frames = layout_.num_frames;
+  map_.start_utime = layout_.header.utime;
+  map_.frame_duration_us = layout_.frame_duration_us;
+  map_.words.resize(num_words);
+  std::fill_n(map_.words.begin(), n, 0);
+  std::size_t next = bitmap_words, frame_end = n;
+  const auto begin_frame = [&] {  // as the one before
+    std::uint64_t* words = map_.words.data() + frame_end;
+    std::copy_n(words - n, n, words);
+    frame_end += n;
+  };
   for (std::size_t i = 0; i < bitmap_words; ++i) {
-    for (std::uint64_t bits = content_[i]; bits != 0; bits &= bits - 1)
-      map_.words[64 * i + static_cast<std::size_t>(std::countr_zero(bits))] = content_[next++];
+    for (std::uint64_t bits = content_[i]; bits != 0; bits &= bits - 1) {
+      const std::size_t word = 64 * i + static_cast<std::size_t>(std::countr_zero(bits));
+      while (word >= frame_end) begin_frame();
+      map_.words[word] ^= content_[next++];
+    }
   }
-  for (std::size_t i = n; i < map_.words.size(); ++i) map_.words[i] ^= map_.words[i - n];
+  while (frame_end < num_words) begin_frame();
 
   const int tail = geometry.size.z() % 64;
   if (tail == 0) return Refusal::kNone;

@@ -40,7 +40,7 @@ class SogmEncoder {
     void operator()(ZSTD_CCtx_s* context) const;
   };
   std::unique_ptr<ZSTD_CCtx_s, Free> context_;
-  std::vector<std::uint64_t> content_;
+  std::vector<std::uint64_t> content_, zeros_;
   std::vector<std::uint8_t> packed_;
   std::size_t packed_size_ = 0;
   std::vector<sogm_swarm::sogm_t> parts_;

@@ -181,10 +181,7 @@ Refusal BroadcastNode::on_peer(std::int64_t now_us, std::span<const std::uint8_t
   peer.boot = message.header.boot;
   peer.seq = message.header.seq;
   peer.radius_m = message.radius;
-  const Trajectory pending = Trajectory::from_wire(message.pending);
-  const bool binding = message.pending_state == announcement_t::kCommitted;
-  peer.motion = {Trajectory::from_wire(message.committed), binding ? pending : Trajectory()};
-  peer.announced = message.pending_state == announcement_t::kAnnounced ? pending : Trajectory();
+  read_announcement(message, &peer.motion, &peer.announced);
   peer.stamp = message.pending_stamp;
   for (const ack_t& ack : message.acks) {
     if (ack.peer_id != config_.robot_id || ack.peer_boot != boot_) continue;

@@ -18,6 +18,12 @@ constexpr double kKeepBonus_s = 0.05;  // of the motion already flown where the 
 constexpr double kBlockedHarm = 1.0, kTightHarm = 10.0, kContactHarm = 1000.0, kWorthwhile = 10.0;
 constexpr std::int64_t kHarmHorizon_us = 1'000'000;
 
+// A plan leaves the own motion between two knots, where speed may still rise a little: some is kept for that.
+PlannerConfig with_reserve(PlannerConfig config) {
+  config.limits.v_max *= Planner::kUsableSpeed;
+  return config;
+}
+
 // The acceleration changes twice as fast, where half the pieces' duration leaves time to brake.
 SearchOptions quick(const SearchLimits& limits, const SearchOptions& options) {
   SearchOptions half = options;
@@ -47,11 +53,11 @@ const char* to_string(PlanStep step) {
 }
 
 Planner::Planner(const PlannerConfig& config, Stopwatch stopwatch)
-    : config_(config),
+    : config_(with_reserve(config)),
       stopwatch_(std::move(stopwatch)),
-      search_(config.limits, config.search),
-      quick_search_(config.limits, quick(config.limits, config.search)),
-      quick_piece_us_(quick(config.limits, config.search).piece_us),
+      search_(config_.limits, config.search),
+      quick_search_(config_.limits, quick(config_.limits, config.search)),
+      quick_piece_us_(quick(config_.limits, config.search).piece_us),
       corridors_(config.limits.space_min, config.limits.space_max, config.corridor) {
   for (int pieces = 1; pieces <= config.search.num_pieces; ++pieces) {
     optimizers_.emplace_back(5, std::vector<double>(static_cast<std::size_t>(pieces), config.search.piece_us * 1e-6));
@@ -102,8 +108,8 @@ void Planner::compose(const PlanRequest& request) {
   before.utime -= std::llround(1e6 * config_.wake_s);
   before.horizon_s += config_.wake_s;
   blocked_.dilate(occupied_, config_.radius_m + config_.clearance_m, &before);
-  near_.dilate(blocked_.map(), config_.comfort_m, &reach_, wake);
   wake_.dilate(blocked_.map(), 0.0, &reach_, wake);
+  near_.dilate(wake_.map(), config_.comfort_m, &reach_);
 }
 
 void Planner::dilate_emergency_zones() {

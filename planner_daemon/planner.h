@@ -64,6 +64,8 @@ struct PlanResult {
 
 class Planner {
  public:
+  static constexpr double kUsableSpeed = 0.995;  // of v_max
+
   using Stopwatch = std::function<std::int64_t()>;  // monotonic [ns]; may be null
 
   // Throws std::invalid_argument with name, value and rule.

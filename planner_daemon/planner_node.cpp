@@ -20,14 +20,6 @@ std::int64_t to_us(double seconds) {
   return std::llround(seconds * 1e6);
 }
 
-// An announcement says what its robot is bound to, and what it would like to be.
-void read_announcement(const announcement_t& message, Motion* motion, Trajectory* announced) {
-  const Trajectory pending = Trajectory::from_wire(message.pending);
-  const bool binding = message.pending_state == announcement_t::kCommitted;
-  *motion = {Trajectory::from_wire(message.committed), binding ? pending : Trajectory()};
-  *announced = message.pending_state == announcement_t::kAnnounced ? pending : Trajectory();
-}
-
 }  // namespace
 
 void declare(OptionSet& options, PlannerNodeConfig& config) {

@@ -113,6 +113,14 @@ std::int64_t Motion::next_knot_after(std::int64_t utime) const {
   return next.empty() ? knot : std::min(knot, next.start_utime());
 }
 
+void read_announcement(const sogm_swarm::announcement_t& message, Motion* motion, Trajectory* announced) {
+  using sogm_swarm::announcement_t;
+  const Trajectory pending = Trajectory::from_wire(message.pending);
+  const bool binding = message.pending_state == announcement_t::kCommitted;
+  *motion = {Trajectory::from_wire(message.committed), binding ? pending : Trajectory()};
+  *announced = message.pending_state == announcement_t::kAnnounced ? pending : Trajectory();
+}
+
 ControlPoints control_points_between(const Motion& motion, std::int64_t from_utime, std::int64_t to_utime) {
   // Both ends must come from the trajectory in force during the interval: its right end may be the start of the next.
   const bool on_next = !motion.next.empty() && from_utime >= motion.next.start_utime();

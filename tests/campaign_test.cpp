@@ -135,6 +135,33 @@ TEST_F(Campaign, GoesOnWhereItWasAfterATornLine) {
   EXPECT_EQ(read_text(out_), done);
 }
 
+TEST_F(Campaign, TheReportSaysTheSameAsTheResults) {
+  const std::string report = std::string(SWARM_SOURCE_DIR) + "/tools/report";
+  ASSERT_EQ(run({"--out", out_}).exit_code, 0);
+  std::string results = read_text(out_);
+  const std::size_t at = results.rfind(",success,,");
+  results.replace(at, 10, ",collision,robot 1-robot 0@3.00,");
+  write_text(out_, results);
+  const Finished drawn = run_program({report, out_}, 60);
+  ASSERT_EQ(drawn.exit_code, 0) << drawn.err;
+  const std::string page = read_text(directory_ / "results" / "report.html");
+  EXPECT_NE(page.find("<h1>3 flights, 66.7 % success</h1>"), std::string::npos);
+  EXPECT_NE(page.find("1 failures"), std::string::npos);
+  EXPECT_NE(page.find("robot 1-robot 0@3.00"), std::string::npos);
+  EXPECT_NE(page.find("swarm_sim run " + list_.string() + ":"), std::string::npos);
+  EXPECT_EQ(page.find("src="), std::string::npos) << "must be self-contained";
+  for (const char* name : {"success", "flight_time", "planning_time"}) {
+    EXPECT_GT(fs::file_size(directory_ / "results" / (std::string(name) + ".png")), 5000u);
+    EXPECT_NE(page.find("<svg", page.find("<figure>")), std::string::npos);
+  }
+  write_text(out_, results.replace(results.find("obstacles"), 9, "obstacle_"));
+  const Finished refused = run_program({report, out_, "--out", directory_ / "none"}, 60);
+  EXPECT_EQ(refused.exit_code, 2);
+  EXPECT_NE(refused.err.find("results.csv: line 1: column obstacles is missing"), std::string::npos) << refused.err;
+  EXPECT_EQ(run_program({report}).exit_code, 2);
+  EXPECT_EQ(run_program({report, directory_ / "none.csv"}).exit_code, 2);
+}
+
 TEST_F(Campaign, TheRowsCommandRepeatsTheTrial) {
   ASSERT_EQ(run({"--out", out_, "--time-limit", "1.5"}).exit_code, 0);
   const auto rows = read_results(out_);

@@ -195,12 +195,12 @@ inline bool wait_for(double seconds, const std::function<bool()>& condition) {
   return true;
 }
 
-// A program of this project, running. It ends with this object at the latest.
+// A program of this project, or any by its path, running. It ends with this object at the latest.
 class Program {
  public:
   explicit Program(const std::vector<std::string>& words) {
     std::vector<std::string> copy = words;
-    copy.front() = std::string(SWARM_BIN_DIR) + "/" + copy.front();
+    if (!copy.front().starts_with('/')) copy.front() = std::string(SWARM_BIN_DIR) + "/" + copy.front();
     std::vector<char*> argv;
     for (std::string& word : copy) argv.push_back(word.data());
     argv.push_back(nullptr);

@@ -341,7 +341,9 @@ TEST(PlannerTest, SmoothingLowersTheJerkOfTheSearchedPathInsideItsCorridors) {
   PlannerConfig config = flat_config();
   config.wake_s = 0.0;
   Planner planner(config);
-  KinodynamicSearch search(config.limits, config.search);
+  SearchLimits limits = config.limits;
+  limits.v_max *= Planner::kUsableSpeed;
+  KinodynamicSearch search(limits, config.search);
   int compared = 0, much_better = 0;
   for (int trial = 0; trial < 30; ++trial) {
     Sogm sogm = map_at(kStart);
