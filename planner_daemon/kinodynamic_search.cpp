@@ -217,7 +217,8 @@ double KinodynamicSearch::time_to_goal(const Eigen::Vector3d& position) const {
 }
 
 bool KinodynamicSearch::seen_before(const State& state, int depth) {
-  const bool still_blocked = start_blocked_ && depth * tau_ < options_.leave_s;  // every way out counts
+  const bool still_blocked =
+      !problem_.emergency && start_blocked_ && depth * tau_ < options_.leave_s;  // every way out counts
   const bool slow = still_blocked || state.velocity.cwiseAbs().maxCoeff() < options_.slow_mps;
   const double refine = slow ? 3.0 : 1.0;
   std::uint64_t key = mix(slow ? 1 : 0, depth);
@@ -235,14 +236,15 @@ bool KinodynamicSearch::seen_before(const State& state, int depth) {
   return false;
 }
 
-void KinodynamicSearch::push(const State& state, double to_goal_s, double cost, std::int32_t parent, int depth) {
+void KinodynamicSearch::push(const State& state, double to_goal_s, double cost, double harm, std::int32_t parent,
+                             int depth) {
   if (nodes_.size() == nodes_.capacity()) return;  // bounded memory: the best were kept
   nodes_.push_back({state, cost, to_goal_s, parent, static_cast<std::int16_t>(depth)});
-  open_.push_back({cost + options_.heuristic_weight * to_goal_s, static_cast<std::int32_t>(nodes_.size() - 1)});
+  open_.push_back({cost + harm + options_.heuristic_weight * to_goal_s, static_cast<std::int32_t>(nodes_.size() - 1)});
   std::push_heap(open_.begin(), open_.end(), kLater);
 }
 
-void KinodynamicSearch::expand(std::int32_t index) {
+void KinodynamicSearch::expand(std::int32_t index, double harm) {
   const Node node = nodes_[static_cast<std::size_t>(index)];
   const AxisOptions xs = axis_options(0, node.state), ys = axis_options(1, node.state),
                     zs = axis_options(2, node.state);
@@ -259,7 +261,7 @@ void KinodynamicSearch::expand(std::int32_t index) {
               {ox.velocity, oy.velocity, oz.velocity},
               {ox.acceleration, oy.acceleration, oz.acceleration}},
              time_to_goal(ox.time_to_goal, oy.time_to_goal, oz.time_to_goal, way_m),
-             node.cost + zones + tau_ * (1.0 + ox.effort + oy.effort + oz.effort), index, node.depth + 1);
+             node.cost + zones + tau_ * (1.0 + ox.effort + oy.effort + oz.effort), harm, index, node.depth + 1);
       }
     }
   }
@@ -269,10 +271,24 @@ void KinodynamicSearch::trace_back(std::int32_t index, SearchResult* result) con
   for (; index >= 0; index = nodes_[index].parent) result->knots[nodes_[index].depth] = to_motion(nodes_[index].state);
 }
 
-std::int64_t KinodynamicSearch::brake(const Node& node, SearchResult* result) const {
+double KinodynamicSearch::harm_at(const Eigen::Vector3d& position, std::int64_t utime) const {
+  const Sogm& blocked = *problem_.blocked;
+  const Eigen::Vector3i voxel = blocked.geometry.voxel_of(position);
+  const int frame = blocked.frame_at(utime);
+  if (!blocked.occupied(frame, voxel)) return 0.0;
+  if (!problem_.tight->occupied(frame, voxel)) return options_.leave_weight;
+  return (problem_.contact->occupied(frame, voxel) ? 100 : 10) * options_.leave_weight;
+}
+
+std::int64_t KinodynamicSearch::brake(const Node& node, SearchResult* result, double* harm) const {
   const Eigen::Vector3d drift = node.state.velocity + tau_ / 3 * node.state.acceleration;
   const Eigen::Vector3d a1 = -drift / (tau_ * (brake_pieces_ - 1));
   std::int64_t first_blocked = kNever;
+  *harm = 0.0;
+  const auto look = [&](const Eigen::Vector3d& position, std::int64_t utime) {
+    if (problem_.emergency) *harm += harm_at(position, utime) * tau_ / kSamples;
+    if (first_blocked == kNever && !free_at(position, utime)) first_blocked = utime;
+  };
   MotionState state = to_motion(node.state);
   Eigen::Vector3d before = state.position;
   for (int k = 0; k < brake_pieces_; ++k) {
@@ -283,20 +299,19 @@ std::int64_t KinodynamicSearch::brake(const Node& node, SearchResult* result) co
       const std::int64_t utime = begin + (i + 1) * std::int64_t{options_.piece_us} / kSamples;
       const Eigen::Vector3d position =
           state.position + weights_[i].v * state.velocity + weights_[i].a0 * state.acceleration + weights_[i].a1 * a;
-      if (!free_at(position, utime) || strays(before, position)) first_blocked = utime;
+      look(position, utime);
+      if (first_blocked == kNever && strays(before, position)) first_blocked = utime;
       before = position;
     }
     state = propagate(state, a);
     if (last) state.velocity.setZero(), state.acceleration.setZero();
-    result->knots[node.depth + k + 1] = state;
+    result->knots[static_cast<std::size_t>(node.depth + k + 1)] = state;
   }
   result->num_pieces = node.depth + brake_pieces_;
-  for (int k = result->num_pieces; k < options_.num_pieces; ++k) {
-    for (int i = 0; i < kSamples && first_blocked == kNever; ++i) {
-      const std::int64_t utime =
-          problem_.start_utime + (k * kSamples + i + 1) * std::int64_t{options_.piece_us} / kSamples;
-      if (!free_at(state.position, utime)) first_blocked = utime;
-    }
+  for (std::int64_t k = std::int64_t{result->num_pieces} * kSamples + 1; first_blocked == kNever; ++k) {
+    const std::int64_t utime = problem_.start_utime + k * std::int64_t{options_.piece_us} / kSamples;
+    if (utime > hover_until_utime_) break;
+    look(state.position, utime);
   }
   return first_blocked;
 }
@@ -344,6 +359,8 @@ SearchStatus KinodynamicSearch::find(const SearchProblem& problem, SearchResult*
   result->free_until_utime = kNever;
   result->settled = false;
   const Sogm& blocked = *problem.blocked;
+  hover_until_utime_ = std::max(problem.start_utime + std::int64_t{options_.num_pieces} * options_.piece_us,
+                                blocked.start_utime + blocked.num_frames * blocked.frame_duration_us);
   start_blocked_ =
       blocked.occupied(blocked.frame_at(problem.start_utime), blocked.geometry.voxel_of(problem.start.position));
   result->left_blocked = start_blocked_;
@@ -360,8 +377,14 @@ SearchStatus KinodynamicSearch::find(const SearchProblem& problem, SearchResult*
 
   const State start{problem.start.position, problem.start.velocity, problem.start.acceleration};
   const auto axis_s = [&](int axis) { return axis_time(axis, start.position[axis], start.velocity[axis]); };
-  push(start, time_to_goal(axis_s(0), axis_s(1), axis_s(2), way_m(start.position)), 0.0, -1, 0);
+  push(start, time_to_goal(axis_s(0), axis_s(1), axis_s(2), way_m(start.position)), 0.0, 0.0, -1, 0);
+  // In an emergency: the way out that does least harm, counted to the end; the harm of stopping at a node says where to
+  // look on.
+  std::int32_t best = 0;
+  double least = std::numeric_limits<double>::infinity();
+  bool harmless = false;
   while (!open_.empty() && result->expansions < options_.max_expansions) {
+    if (harmless && open_.front().priority >= least) break;
     std::pop_heap(open_.begin(), open_.end(), kLater);
     const std::int32_t index = open_.back().node;
     open_.pop_back();
@@ -375,31 +398,44 @@ SearchStatus KinodynamicSearch::find(const SearchProblem& problem, SearchResult*
       trace_back(index, result);
       return SearchStatus::kGoal;
     }
-    if (node.depth < max_depth_) {
-      expand(index);
-    } else if (brake(node, result) == kNever) {
+    double harm = 0.0;
+    const bool last = node.depth == max_depth_;
+    const bool free = (last || problem_.emergency) && brake(node, result, &harm) == kNever;
+    if (problem_.emergency) {  // stopping here is one way out
+      const double total = node.cost + harm + options_.heuristic_weight * node.time_to_goal;
+      if (total < least) best = index, least = total, harmless = harm == 0.0;
+    } else if (last && free) {
       trace_back(index, result);
       return SearchStatus::kSurvives;
     }
+    if (!last) expand(index, harm);
+  }
+  if (problem_.emergency) {
+    double harm = 0.0;
+    (void)brake(nodes_[static_cast<std::size_t>(best)], result, &harm);
+    trace_back(best, result);
+    return SearchStatus::kSurvives;
   }
   return settle(result);
 }
 
 SearchStatus KinodynamicSearch::settle(SearchResult* result) {
   result->settled = true;
-  std::sort(expanded_.begin(), expanded_.end(), [this](std::int32_t a, std::int32_t b) {
-    const double to_a = nodes_[a].cost + options_.heuristic_weight * nodes_[a].time_to_goal - nodes_[a].depth * tau_;
-    const double to_b = nodes_[b].cost + options_.heuristic_weight * nodes_[b].time_to_goal - nodes_[b].depth * tau_;
-    return to_a < to_b || (to_a == to_b && a < b);
-  });
+  const auto total = [this](std::int32_t index) {
+    const Node& node = nodes_[static_cast<std::size_t>(index)];
+    return node.cost + options_.heuristic_weight * node.time_to_goal - node.depth * tau_;
+  };
+  std::sort(expanded_.begin(), expanded_.end(),
+            [&](std::int32_t a, std::int32_t b) { return total(a) < total(b) || (total(a) == total(b) && a < b); });
+  double harm = 0.0;
   std::int32_t longest = 0;
   std::int64_t longest_until = -1;
   for (const std::int32_t index : expanded_) {
-    const std::int64_t until = brake(nodes_[index], result);
+    const std::int64_t until = brake(nodes_[static_cast<std::size_t>(index)], result, &harm);
     if (until > longest_until) longest_until = until, longest = index;
     if (until == kNever) break;
   }
-  result->free_until_utime = brake(nodes_[longest], result);
+  result->free_until_utime = brake(nodes_[static_cast<std::size_t>(longest)], result, &harm);
   trace_back(longest, result);
   return longest_until == kNever ? SearchStatus::kSurvives : SearchStatus::kPartial;
 }

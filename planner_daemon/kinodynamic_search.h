@@ -139,14 +139,16 @@ class KinodynamicSearch {
   // Time to the goal from the axes' times and the guidance's way.
   double time_to_goal(double x_s, double y_s, double z_s, double way_m) const;
   double way_m(const Eigen::Vector3d& position) const;  // of the guidance; 0 without
-  void expand(std::int32_t index);
-  void push(const State& state, double to_goal_s, double cost, std::int32_t parent, int depth);
+  void expand(std::int32_t index, double harm);
+  // `harm`: of stopping at the parent, see find().
+  void push(const State& state, double to_goal_s, double cost, double harm, std::int32_t parent, int depth);
   bool seen_before(const State& state, int depth);
   // Quintic from a node to rest at the goal in as few pieces as the limits allow, then hovering there, all free.
   bool shoot(const Node& node, SearchResult* result) const;
-  // Brakes to rest from a node and hovers to the horizon; the knots go to the result. Returns the first blocked time or
-  // INT64_MAX.
-  std::int64_t brake(const Node& node, SearchResult* result) const;
+  // Brakes to rest from a node and hovers to the end of horizon and map; the knots go to the result. Returns the first
+  // blocked time or INT64_MAX; in an emergency nothing blocks, and `harm` is the cost of the zones passed.
+  std::int64_t brake(const Node& node, SearchResult* result, double* harm) const;
+  double harm_at(const Eigen::Vector3d& position, std::int64_t utime) const;  // cost per second
   // The budget is spent or nothing is left to expand: the node nearest to the goal that can come to rest, or else the
   // motion that stays free the longest.
   SearchStatus settle(SearchResult* result);
@@ -166,6 +168,7 @@ class KinodynamicSearch {
 
   SearchProblem problem_;
   bool start_blocked_ = false;
+  std::int64_t hover_until_utime_ = 0;
   std::vector<std::array<std::int32_t, kSamples>> frames_;  // first word of the map's frame, per depth and sample
   std::vector<Node> nodes_;
   std::vector<OpenEntry> open_;

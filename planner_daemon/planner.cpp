@@ -16,7 +16,7 @@ constexpr double kKeepBonus_s = 0.05;  // of the motion already flown where the 
 // In danger: harm per check step in the blocked, tight and contact zones, how far ahead it counts, and how much less of
 // it makes the quick way out worth its rough flight.
 constexpr double kBlockedHarm = 1.0, kTightHarm = 10.0, kContactHarm = 1000.0, kWorthwhile = 10.0;
-constexpr std::int64_t kHarmHorizon_us = 1'000'000;
+constexpr std::int64_t kHarmHorizon_us = 2'000'000;
 
 // A plan leaves the own motion between two knots, where speed may still rise a little: some is kept for that.
 PlannerConfig with_reserve(PlannerConfig config) {
@@ -30,6 +30,7 @@ SearchOptions quick(const SearchLimits& limits, const SearchOptions& options) {
   half.piece_us /= 2;
   half.cell_m /= 2;
   half.cell_mps /= 2;
+  half.slow_mps = 0.0;  // far ways out matter more than fine ones
   return KinodynamicSearch::brake_pieces(limits, half.piece_us) < half.num_pieces ? half : options;
 }
 
