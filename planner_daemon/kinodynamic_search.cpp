@@ -1,3 +1,4 @@
+// Long because choice, cost, order and end of the primitives read the same tables of one search; see the header.
 #include "planner_daemon/kinodynamic_search.h"
 
 #include <algorithm>

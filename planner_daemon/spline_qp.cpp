@@ -3,6 +3,7 @@
 // (velocity and position of the end) remain to be eliminated. The remaining freedom is scaled to make the jerk integral
 // |y|^2 + constant, and the bounds are met by the dual active set method of Goldfarb and Idnani (Math. Programming 27,
 // 1983), here with an orthogonal factorisation of the active normals in range space.
+// Long because elimination, bounds and active set all work on that one representation.
 #include "planner_daemon/spline_qp.h"
 
 #include <Eigen/Dense>

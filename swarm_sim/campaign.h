@@ -37,8 +37,9 @@ std::vector<TrialRow> read_results(const std::filesystem::path& path);
 // files disagree about what came of a trial.
 std::vector<TrialRow> merge_results(const std::vector<std::filesystem::path>& paths);
 
-// Flies the trials that `results` does not hold with `jobs` threads. `ended` is called after every row (by one thread
-// at a time); false ends the campaign: flights under way are dropped. Returns false then. Throws what a flight throws.
+// Flies the trials that `results` does not hold with `jobs` threads. `ended` is called after every row, by one thread
+// at a time. When `keep_on` says false, flights under way are dropped and it returns false. Throws what a flight
+// throws.
 bool fly_campaign(const std::vector<Trial>& trials, const FlightArguments& arguments, int jobs, ResultsFile& results,
                   const std::function<bool()>& keep_on, const std::function<void(const TrialRow&)>& ended);
 

@@ -18,7 +18,7 @@ std::string fixed(double value, int decimals) {
   return text;
 }
 
-// robot 1-obstacle 5@3.21 robot 0-robot 2@4.00
+// robot 1-obstacle 5@3.21; robot 0-robot 2@4.00
 std::string touches(const RunReport& report) {
   std::string text;
   for (const Touch& touch : report.touches) {

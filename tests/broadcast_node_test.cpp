@@ -1,4 +1,5 @@
-// The commit protocol, turn by turn: one node among peers whose announcements the test writes.
+// The commit protocol, turn by turn: one node among peers whose announcements the test writes. Long because every state
+// and message of the protocol has its turn.
 #include "planner_daemon/broadcast_node.h"
 
 #include <cmath>

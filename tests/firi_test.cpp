@@ -1,3 +1,4 @@
+// Long because it judges two sources of one header, the polytopes and the inscribed ellipsoid, each by its own oracle.
 #include "planner_daemon/firi.h"
 
 #include <gtest/gtest.h>

@@ -1,3 +1,5 @@
+// Long because each rule of the search (limits, zones, leaving, ending, budget) has a property of its own; the oracle
+// is in exhaustive_search.h.
 #include "planner_daemon/kinodynamic_search.h"
 
 #include <gtest/gtest.h>

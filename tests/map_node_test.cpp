@@ -1,4 +1,5 @@
-// The map daemon's node: when it publishes, what it publishes, and what it makes of bad input.
+// The map daemon's node: when it publishes, what it publishes, and what it makes of bad input. Long because
+// every message and every limit of its configuration is refused once.
 #include "map_daemon/map_node.h"
 
 #include <gtest/gtest.h>

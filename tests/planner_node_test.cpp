@@ -1,4 +1,5 @@
 // The planner daemon's node: when it plans, from what and towards what, and what it makes of bad input.
+// Long because every message and every limit of its configuration is refused once.
 #include "planner_daemon/planner_node.h"
 
 #include <random>

@@ -1,3 +1,4 @@
+// Long because the promises of a plan are checked without the planner's own composition and by flying closed loops.
 #include "planner_daemon/planner.h"
 
 #include <gtest/gtest.h>

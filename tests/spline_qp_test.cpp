@@ -1,3 +1,5 @@
+// Long because the model of the curve, the KKT conditions, Farkas certificates and SLSQP that judge the solver are
+// written here a second time, on purpose without its code.
 #include "planner_daemon/spline_qp.h"
 
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// Worlds: motion, files, generator and command. Long because it serves four sources that share its world files.
 #include "swarm_sim/world.h"
 
 #include <gtest/gtest.h>
