@@ -5,12 +5,7 @@
 #include <stdexcept>
 #include <string>
 
-// Wider registers where the processor has them, chosen at load time. Plain bit operations: the results are identical.
-#if defined(__x86_64__) && defined(__GNUC__)
-#define SWARM_WIDE __attribute__((target_clones("avx2", "default")))
-#else
-#define SWARM_WIDE
-#endif
+#include "map_daemon/wide.h"
 
 namespace swarm {
 namespace {

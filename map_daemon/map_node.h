@@ -28,7 +28,7 @@ struct MapConfig {
   std::string static_map;               // OctoMap file; empty: none
   double margin_m = 0.05;           // voxels whose centres come this close to an obstacle are occupied: half a voxel
   double growth_mps = 0.0;          // the margin grows by this per second of prediction
-  double max_rate_hz = 20.0;        // of maps, however fast obstacles arrive
+  double max_rate_hz = 30.0;        // of maps; faster than obstacles arrive, or maps wait for their turn
   double min_rate_hz = 10.0;        // of maps while no obstacles arrive
   double obstacle_timeout_s = 1.0;  // obstacles that are no longer reported are forgotten
   double state_timeout_s = 0.5;     // no maps with an older robot state

@@ -21,30 +21,41 @@ std::uint64_t even_bits(std::uint64_t bits) {
 
 }  // namespace
 
-void Guidance::open_cells(const Sogm& standing, double space_min_z, double space_max_z) {
-  const GridGeometry& grid = standing.geometry;
-  space_.assign(static_cast<std::size_t>(words_), 0);
-  for (int z = 0; z < size_.z(); ++z) {
-    const double bottom = corner_.z() + z * cell_m_;
-    if (bottom + cell_m_ > space_min_z && bottom < space_max_z)
-      space_[static_cast<std::size_t>(z >> 6)] |= std::uint64_t{1} << (z & 63);
-  }
-  const int voxel_words = grid.words_per_column(), tail = grid.size.z() % 64;
+void open_cells(const Sogm& grid, int frame, int x, int y, std::uint64_t* open) {
+  const Eigen::Vector3i& size = grid.geometry.size;
+  const int words = grid.geometry.words_per_column(), tail = size.z() % 64;
   const std::uint64_t beyond = tail == 0 ? 0 : ~std::uint64_t{0} << tail;  // voxels above the window: never open
+  const int dx = 2 * x + 1 < size.x() ? 1 : 0, dy = 2 * y + 1 < size.y() ? 1 : 0;
+  const std::uint64_t* columns[4] = {grid.column(frame, 2 * x, 2 * y), grid.column(frame, 2 * x + dx, 2 * y),
+                                     grid.column(frame, 2 * x, 2 * y + dy), grid.column(frame, 2 * x + dx, 2 * y + dy)};
+  for (int w = 0; w < words; ++w) {
+    std::uint64_t closed = columns[0][w] & columns[1][w] & columns[2][w] & columns[3][w];
+    if (w == words - 1) closed |= beyond;
+    const std::uint64_t bits = even_bits(~(closed & closed >> 1));
+    if (w % 2 == 0) {
+      open[w / 2] = bits;
+    } else {
+      open[w / 2] |= bits << 32;
+    }
+  }
+}
+
+std::vector<std::uint64_t> cells_between(double bottom_m, double cell_m, int num_cells, double low_m, double high_m) {
+  std::vector<std::uint64_t> cells((static_cast<std::size_t>(num_cells) + 63) / 64);
+  for (int z = 0; z < num_cells; ++z) {
+    const double bottom = bottom_m + z * cell_m;
+    if (bottom + cell_m > low_m && bottom < high_m)
+      cells[static_cast<std::size_t>(z >> 6)] |= std::uint64_t{1} << (z & 63);
+  }
+  return cells;
+}
+
+void Guidance::open_space(const Sogm& standing, double space_min_z, double space_max_z) {
+  space_ = cells_between(corner_.z(), cell_m_, size_.z(), space_min_z, space_max_z);
   for (int x = 0; x < size_.x(); ++x) {
     for (int y = 0; y < size_.y(); ++y) {
-      const bool wide = 2 * x + 1 < grid.size.x(), deep = 2 * y + 1 < grid.size.y();
-      const std::uint64_t* columns[4] = {standing.column(0, 2 * x, 2 * y),
-                                         standing.column(0, 2 * x + (wide ? 1 : 0), 2 * y),
-                                         standing.column(0, 2 * x, 2 * y + (deep ? 1 : 0)),
-                                         standing.column(0, 2 * x + (wide ? 1 : 0), 2 * y + (deep ? 1 : 0))};
       std::uint64_t* open = open_.data() + column(x, y) * static_cast<std::size_t>(words_);
-      for (int w = 0; w < words_; ++w) open[w] = 0;
-      for (int v = 0; v < voxel_words; ++v) {
-        std::uint64_t closed = columns[0][v] & columns[1][v] & columns[2][v] & columns[3][v];
-        if (v == voxel_words - 1) closed |= beyond;
-        open[v >> 1] |= even_bits(~(closed & closed >> 1)) << (v & 1 ? 32 : 0);
-      }
+      open_cells(standing, 0, x, y, open);
       for (int w = 0; w < words_; ++w) open[w] &= space_[static_cast<std::size_t>(w)];
     }
   }
@@ -114,7 +125,7 @@ bool Guidance::build(const Sogm& standing, const Eigen::Vector3d& goal, double s
   open_.resize(columns * static_cast<std::size_t>(words_));
   pending_.assign(open_.size(), 0);
   steps_.assign(columns * static_cast<std::size_t>(size_.z()), -1);
-  open_cells(standing, space_min_z, space_max_z);
+  open_space(standing, space_min_z, space_max_z);
 
   for (auto& seeds : seeds_) seeds.clear();
   const Eigen::Vector3i goal_cell(cell_of(0, goal.x()), cell_of(1, goal.y()), cell_of(2, goal.z()));

@@ -11,6 +11,13 @@
 
 namespace swarm {
 
+// Cells of two voxels' edge: bit z of `open` is clear when all voxels of cell (x, y, z) are occupied in that frame, or
+// when it lies above the window. `open` holds as many words as cover half the window's height.
+void open_cells(const Sogm& grid, int frame, int x, int y, std::uint64_t* open);
+
+// Those of `num_cells` cells of a column, the lowest with its bottom at `bottom_m`, that reach into (low_m, high_m).
+std::vector<std::uint64_t> cells_between(double bottom_m, double cell_m, int num_cells, double low_m, double high_m);
+
 class Guidance {
  public:
   // Breadth-first distances to `goal` over cells of two voxels' edge, 64 cells at a time; a cell is closed when all its
@@ -36,7 +43,7 @@ class Guidance {
     std::uint64_t bits;
   };
   std::size_t column(int x, int y) const { return static_cast<std::size_t>(x) * size_.y() + y; }
-  void open_cells(const Sogm& standing, double space_min_z, double space_max_z);
+  void open_space(const Sogm& standing, double space_min_z, double space_max_z);
   void seed(int x, int y, int w, std::uint64_t bits, const Eigen::Vector3d& goal);
   void reach(std::uint32_t word, std::uint64_t bits, int steps);
   void spread(const Cells& cells);

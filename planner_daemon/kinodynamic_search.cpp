@@ -13,6 +13,10 @@ namespace {
 constexpr std::int64_t kNever = std::numeric_limits<std::int64_t>::max();
 
 constexpr double kUsable = 0.98;  // of a_max: a little is left for rounding
+// What lies ahead counts less and less, for it can still be replanned: down to a least share after this long.
+constexpr double kFade_s = 1.0, kLeastFade = 0.05;
+constexpr std::int64_t kHarmStep_us = 10'000;
+constexpr double kStrayHarm = 1e6;  // of leaving the flight space: worse than any touch
 
 // Lengthens a hash chain by one value (splitmix64's finaliser).
 std::uint64_t mix(std::uint64_t hash, std::int64_t value) {
@@ -78,15 +82,18 @@ KinodynamicSearch::KinodynamicSearch(const SearchLimits& limits, const SearchOpt
     weights_[i] = {tau_ * s, tau_ * tau_ * (s * s / 2 - lag), tau_ * tau_ * lag};
   }
   frames_.resize(options.num_pieces);
+  goal_frames_.resize(options.num_pieces);
   nodes_.reserve(static_cast<std::size_t>(options.max_expansions) * 32);
   open_.reserve(nodes_.capacity());
   expanded_.reserve(static_cast<std::size_t>(options.max_expansions));
+  beam_.reserve(static_cast<std::size_t>(options.max_expansions));
   std::size_t slots = 1024;
   while (slots < static_cast<std::size_t>(options.max_expansions) * 4) slots *= 2;
   closed_.resize(slots);
 }
 
-KinodynamicSearch::AxisOption KinodynamicSearch::make_option(int axis, double p, double v, double a, double a1) const {
+KinodynamicSearch::AxisOption KinodynamicSearch::make_option(int axis, double p, double v, double a, double a1,
+                                                             int frame) const {
   AxisOption option;
   const GridGeometry& grid = problem_.blocked->geometry;
   const double inverse = 1.0 / grid.resolution_m;
@@ -115,11 +122,11 @@ KinodynamicSearch::AxisOption KinodynamicSearch::make_option(int axis, double p,
   option.acceleration = a1;
   option.time_to_goal = axis_time(axis, option.position, option.velocity);
   option.effort = options_.effort_weight * a1 * a1;
-  option.guidance_cell = problem_.guidance != nullptr ? problem_.guidance->cell_of(axis, option.position) : -1;
+  option.cell = problem_.cost_to_go != nullptr ? problem_.cost_to_go->cell_of(frame, axis, option.position) : -1;
   return option;
 }
 
-KinodynamicSearch::AxisOptions KinodynamicSearch::axis_options(int axis, const State& from) const {
+KinodynamicSearch::AxisOptions KinodynamicSearch::axis_options(int axis, const State& from, int frame) const {
   const double p = from.position[axis], v = from.velocity[axis], a = from.acceleration[axis];
   // The largest and smallest a1 after which the next primitive can still keep the speed limit: v1 + tau/3 a1 <= v_max.
   const double drift = v + tau_ / 3 * a;
@@ -135,7 +142,7 @@ KinodynamicSearch::AxisOptions KinodynamicSearch::axis_options(int axis, const S
       is_new = is_new && std::abs(options.option[i].acceleration - a1) > 0.05 * a_lim_;
     }
     if (!is_new) continue;
-    options.option[options.count] = make_option(axis, p, v, a, a1);
+    options.option[options.count] = make_option(axis, p, v, a, a1, frame);
     if (options.option[options.count].inside) ++options.count;
   }
   return options;
@@ -173,12 +180,15 @@ double KinodynamicSearch::zone_cost(const AxisOption& x, const AxisOption& y, co
     if (problem_.wake != nullptr && in(problem_.wake)) cost += options_.wake_weight;
     if (!in(problem_.blocked)) continue;
     if (!leaving(depth, static_cast<int>(i))) return -1.0;
-    cost += options_.leave_weight;
-    if (!in(problem_.tight)) continue;
-    cost += 9 * options_.leave_weight;
-    if (in(problem_.contact)) cost += 90 * options_.leave_weight;
+    cost += blocked_weight((depth + (static_cast<double>(i) + 1.0) / kSamples) * tau_, in(problem_.tight),
+                           in(problem_.contact));
   }
   return cost * tau_ / kSamples;
+}
+
+double KinodynamicSearch::blocked_weight(double ahead_s, bool tight, bool contact) const {
+  const double fade = std::max(kLeastFade, 1.0 - ahead_s / kFade_s);
+  return options_.leave_weight * fade * (contact ? 100.0 : tight ? 10.0 : 1.0);
 }
 
 bool KinodynamicSearch::strays(const Eigen::Vector3d& before, const Eigen::Vector3d& position) const {
@@ -199,22 +209,22 @@ double KinodynamicSearch::axis_time(int axis, double position, double velocity) 
   return min_time_to_rest(problem_.goal[axis] - position, velocity, limits_.v_max, a_lim_);
 }
 
-double KinodynamicSearch::time_to_goal(double x_s, double y_s, double z_s, double way_m) const {
+double KinodynamicSearch::time_to_goal(double x_s, double y_s, double z_s) {
   const double longest = std::max({x_s, y_s, z_s});
-  const double rest = x_s + y_s + z_s - longest;
-  return std::max(longest, way_m / limits_.v_max) + 0.05 * rest;  // the slowest axis decides, the others break ties
+  return longest + 0.05 * (x_s + y_s + z_s - longest);  // the slowest axis decides, the others break ties
 }
 
-double KinodynamicSearch::way_m(const Eigen::Vector3d& position) const {
-  const Guidance* guidance = problem_.guidance;
-  if (guidance == nullptr) return 0.0;
-  return guidance->way_m(guidance->cell_of(0, position.x()), guidance->cell_of(1, position.y()),
-                         guidance->cell_of(2, position.z()));
+double KinodynamicSearch::delay_s(int frame, const Eigen::Vector3d& position) const {
+  const CostToGo* to_go = problem_.cost_to_go;
+  if (to_go == nullptr) return 0.0;
+  return to_go->delay_s(frame, to_go->cell_of(frame, 0, position.x()), to_go->cell_of(frame, 1, position.y()),
+                        to_go->cell_of(frame, 2, position.z()));
 }
 
 double KinodynamicSearch::time_to_goal(const Eigen::Vector3d& position) const {
-  return time_to_goal(axis_time(0, position.x(), 0.0), axis_time(1, position.y(), 0.0), axis_time(2, position.z(), 0.0),
-                      way_m(position));
+  return time_to_goal(axis_time(0, position.x(), 0.0), axis_time(1, position.y(), 0.0),
+                      axis_time(2, position.z(), 0.0)) +
+         delay_s(problem_.blocked->num_frames, position);
 }
 
 bool KinodynamicSearch::seen_before(const State& state, int depth) {
@@ -237,32 +247,31 @@ bool KinodynamicSearch::seen_before(const State& state, int depth) {
   return false;
 }
 
-void KinodynamicSearch::push(const State& state, double to_goal_s, double cost, double harm, std::int32_t parent,
-                             int depth) {
+void KinodynamicSearch::push(const State& state, double to_goal_s, double cost, std::int32_t parent, int depth) {
   if (nodes_.size() == nodes_.capacity()) return;  // bounded memory: the best were kept
   nodes_.push_back({state, cost, to_goal_s, parent, static_cast<std::int16_t>(depth)});
-  open_.push_back({cost + harm + options_.heuristic_weight * to_goal_s, static_cast<std::int32_t>(nodes_.size() - 1)});
+  open_.push_back({cost + options_.heuristic_weight * to_goal_s, static_cast<std::int32_t>(nodes_.size() - 1)});
   std::push_heap(open_.begin(), open_.end(), kLater);
 }
 
-void KinodynamicSearch::expand(std::int32_t index, double harm) {
+void KinodynamicSearch::expand(std::int32_t index) {
   const Node node = nodes_[static_cast<std::size_t>(index)];
-  const AxisOptions xs = axis_options(0, node.state), ys = axis_options(1, node.state),
-                    zs = axis_options(2, node.state);
+  const int frame = goal_frames_[static_cast<std::size_t>(node.depth)];
+  const AxisOptions xs = axis_options(0, node.state, frame), ys = axis_options(1, node.state, frame),
+                    zs = axis_options(2, node.state, frame);
   for (int x = 0; x < xs.count; ++x) {
     for (int y = 0; y < ys.count; ++y) {
       for (int z = 0; z < zs.count; ++z) {
         const AxisOption &ox = xs.option[x], &oy = ys.option[y], &oz = zs.option[z];
         const double zones = zone_cost(ox, oy, oz, node.depth);
         if (zones < 0.0) continue;
-        const double way_m = problem_.guidance != nullptr
-                                 ? problem_.guidance->way_m(ox.guidance_cell, oy.guidance_cell, oz.guidance_cell)
-                                 : 0.0;
+        const double delay_s =
+            problem_.cost_to_go != nullptr ? problem_.cost_to_go->delay_s(frame, ox.cell, oy.cell, oz.cell) : 0.0;
         push({{ox.position, oy.position, oz.position},
               {ox.velocity, oy.velocity, oz.velocity},
               {ox.acceleration, oy.acceleration, oz.acceleration}},
-             time_to_goal(ox.time_to_goal, oy.time_to_goal, oz.time_to_goal, way_m),
-             node.cost + zones + tau_ * (1.0 + ox.effort + oy.effort + oz.effort), harm, index, node.depth + 1);
+             time_to_goal(ox.time_to_goal, oy.time_to_goal, oz.time_to_goal) + delay_s,
+             node.cost + zones + tau_ * (1.0 + ox.effort + oy.effort + oz.effort), index, node.depth + 1);
       }
     }
   }
@@ -277,8 +286,15 @@ double KinodynamicSearch::harm_at(const Eigen::Vector3d& position, std::int64_t 
   const Eigen::Vector3i voxel = blocked.geometry.voxel_of(position);
   const int frame = blocked.frame_at(utime);
   if (!blocked.occupied(frame, voxel)) return 0.0;
-  if (!problem_.tight->occupied(frame, voxel)) return options_.leave_weight;
-  return (problem_.contact->occupied(frame, voxel) ? 100 : 10) * options_.leave_weight;
+  return blocked_weight(1e-6 * static_cast<double>(utime - problem_.start_utime),
+                        problem_.tight->occupied(frame, voxel), problem_.contact->occupied(frame, voxel));
+}
+
+double KinodynamicSearch::harm(const Motion& motion) const {
+  double harm = 0.0;
+  for (std::int64_t t = problem_.start_utime; t < hover_until_utime_; t += kHarmStep_us)
+    harm += harm_at(motion.at(t).position, t);
+  return harm * 1e-6 * kHarmStep_us;
 }
 
 std::int64_t KinodynamicSearch::brake(const Node& node, SearchResult* result, double* harm) const {
@@ -286,9 +302,9 @@ std::int64_t KinodynamicSearch::brake(const Node& node, SearchResult* result, do
   const Eigen::Vector3d a1 = -drift / (tau_ * (brake_pieces_ - 1));
   std::int64_t first_blocked = kNever;
   *harm = 0.0;
-  const auto look = [&](const Eigen::Vector3d& position, std::int64_t utime) {
-    if (problem_.emergency) *harm += harm_at(position, utime) * tau_ / kSamples;
-    if (first_blocked == kNever && !free_at(position, utime)) first_blocked = utime;
+  const auto look = [&](const Eigen::Vector3d& position, std::int64_t utime, double duration_s) {
+    if (problem_.emergency) *harm += harm_at(position, utime) * duration_s;
+    if (!free_at(position, utime)) first_blocked = utime;
   };
   MotionState state = to_motion(node.state);
   Eigen::Vector3d before = state.position;
@@ -300,8 +316,11 @@ std::int64_t KinodynamicSearch::brake(const Node& node, SearchResult* result, do
       const std::int64_t utime = begin + (i + 1) * std::int64_t{options_.piece_us} / kSamples;
       const Eigen::Vector3d position =
           state.position + weights_[i].v * state.velocity + weights_[i].a0 * state.acceleration + weights_[i].a1 * a;
-      look(position, utime);
-      if (first_blocked == kNever && strays(before, position)) first_blocked = utime;
+      look(position, utime, tau_ / kSamples);
+      if (first_blocked == kNever && strays(before, position)) {
+        first_blocked = utime;
+        *harm += kStrayHarm;
+      }
       before = position;
     }
     state = propagate(state, a);
@@ -309,15 +328,20 @@ std::int64_t KinodynamicSearch::brake(const Node& node, SearchResult* result, do
     result->knots[static_cast<std::size_t>(node.depth + k + 1)] = state;
   }
   result->num_pieces = node.depth + brake_pieces_;
-  for (std::int64_t k = std::int64_t{result->num_pieces} * kSamples + 1; first_blocked == kNever; ++k) {
-    const std::int64_t utime = problem_.start_utime + k * std::int64_t{options_.piece_us} / kSamples;
-    if (utime > hover_until_utime_) break;
-    look(state.position, utime);
+  // At rest, one look per frame is enough.
+  const Sogm& map = *problem_.blocked;
+  std::int64_t utime = problem_.start_utime + result->num_pieces * std::int64_t{options_.piece_us};
+  while (first_blocked == kNever && utime < hover_until_utime_) {
+    const std::int64_t into_frame = std::max<std::int64_t>(0, utime - map.start_utime) % map.frame_duration_us;
+    const std::int64_t next = std::min(hover_until_utime_, utime + map.frame_duration_us - into_frame);
+    look(state.position, utime, 1e-6 * static_cast<double>(next - utime));
+    utime = next;
   }
   return first_blocked;
 }
 
 bool KinodynamicSearch::shoot(const Node& node, SearchResult* result) const {
+  const Sogm& avoided = problem_.wake != nullptr ? *problem_.wake : *problem_.blocked;
   const MotionState start = to_motion(node.state);
   MotionState goal;
   goal.position = problem_.goal;
@@ -343,7 +367,8 @@ bool KinodynamicSearch::shoot(const Node& node, SearchResult* result) const {
     for (int i = 1; i <= samples && ok; ++i) {
       const double s = std::min(1.0, static_cast<double>(i) / (pieces * kSamples));
       const Eigen::Vector3d position = evaluate_bezier(whole, duration, s).position;
-      ok = free_at(position, begin + i * std::int64_t{options_.piece_us} / kSamples) &&
+      const std::int64_t utime = begin + i * std::int64_t{options_.piece_us} / kSamples;
+      ok = !avoided.occupied(avoided.frame_at(utime), avoided.geometry.voxel_of(position)) &&
            (position.array() >= limits_.space_min.array() - 1e-6).all() &&
            (position.array() <= limits_.space_max.array() + 1e-6).all();
     }
@@ -370,6 +395,10 @@ SearchStatus KinodynamicSearch::find(const SearchProblem& problem, SearchResult*
       const std::int64_t offset = (depth * kSamples + i + 1) * std::int64_t{options_.piece_us} / kSamples;
       frames_[depth][i] = blocked.frame_at(problem.start_utime + offset) * blocked.geometry.words_per_frame();
     }
+    goal_frames_[depth] =
+        problem.cost_to_go == nullptr
+            ? 0
+            : problem.cost_to_go->frame_at(problem.start_utime + (depth + 1) * std::int64_t{options_.piece_us});
   }
   nodes_.clear();
   open_.clear();
@@ -378,46 +407,63 @@ SearchStatus KinodynamicSearch::find(const SearchProblem& problem, SearchResult*
 
   const State start{problem.start.position, problem.start.velocity, problem.start.acceleration};
   const auto axis_s = [&](int axis) { return axis_time(axis, start.position[axis], start.velocity[axis]); };
-  push(start, time_to_goal(axis_s(0), axis_s(1), axis_s(2), way_m(start.position)), 0.0, 0.0, -1, 0);
-  // In an emergency: the way out that does least harm, counted to the end; the harm of stopping at a node says where to
-  // look on.
-  std::int32_t best = 0;
-  double least = std::numeric_limits<double>::infinity();
-  bool harmless = false;
+  push(start, time_to_goal(axis_s(0), axis_s(1), axis_s(2)), 0.0, -1, 0);
+  if (problem.emergency) return escape(result);
   while (!open_.empty() && result->expansions < options_.max_expansions) {
-    if (harmless && open_.front().priority >= least) break;
-    std::pop_heap(open_.begin(), open_.end(), kLater);
-    const std::int32_t index = open_.back().node;
-    open_.pop_back();
-    const Node& node = nodes_[index];
+    const std::int32_t index = pop();
+    const Node& node = nodes_[static_cast<std::size_t>(index)];
     if (seen_before(node.state, node.depth)) continue;
     expanded_.push_back(index);
     ++result->expansions;
-    // A shot does not count the zones it passes: none before blocked space is left.
+    // None before blocked space is left.
     if (!leaving(node.depth, 0) && node.time_to_goal <= (options_.num_pieces - node.depth) * tau_ &&
         shoot(node, result)) {
       trace_back(index, result);
       return SearchStatus::kGoal;
     }
     double harm = 0.0;
-    const bool last = node.depth == max_depth_;
-    const bool free = (last || problem_.emergency) && brake(node, result, &harm) == kNever;
-    if (problem_.emergency) {  // stopping here is one way out
-      const double total = node.cost + harm + options_.heuristic_weight * node.time_to_goal;
-      if (total < least) best = index, least = total, harmless = harm == 0.0;
-    } else if (last && free) {
+    if (node.depth < max_depth_) {
+      expand(index);
+    } else if (brake(node, result, &harm) == kNever) {
       trace_back(index, result);
       return SearchStatus::kSurvives;
     }
-    if (!last) expand(index, harm);
-  }
-  if (problem_.emergency) {
-    double harm = 0.0;
-    (void)brake(nodes_[static_cast<std::size_t>(best)], result, &harm);
-    trace_back(best, result);
-    return SearchStatus::kSurvives;
   }
   return settle(result);
+}
+
+std::int32_t KinodynamicSearch::pop() {
+  std::pop_heap(open_.begin(), open_.end(), kLater);
+  const std::int32_t index = open_.back().node;
+  open_.pop_back();
+  return index;
+}
+
+// A beam search. At every depth the cheapest are looked at: to brake from any of them is a way out, and those from
+// which that does least harm, counted to the end of the map, lead on.
+SearchStatus KinodynamicSearch::escape(SearchResult* result) {
+  const int width = options_.max_expansions / (max_depth_ + 1);
+  OpenEntry best{std::numeric_limits<double>::infinity(), 0};
+  double harm = 0.0;
+  for (int depth = 0; depth <= max_depth_; ++depth) {
+    beam_.clear();
+    while (!open_.empty() && static_cast<int>(beam_.size()) < width) {
+      const std::int32_t index = pop();
+      const Node& node = nodes_[static_cast<std::size_t>(index)];
+      if (seen_before(node.state, node.depth)) continue;
+      (void)brake(node, result, &harm);
+      ++result->expansions;
+      beam_.push_back({node.cost + harm + options_.heuristic_weight * node.time_to_goal, index});
+      if (kLater(best, beam_.back())) best = beam_.back();
+    }
+    if (depth == max_depth_) break;
+    open_.clear();
+    std::sort(beam_.begin(), beam_.end(), [](const OpenEntry& a, const OpenEntry& b) { return kLater(b, a); });
+    for (std::size_t i = 0; i < (beam_.size() + 1) / 2; ++i) expand(beam_[i].node);
+  }
+  (void)brake(nodes_[static_cast<std::size_t>(best.node)], result, &harm);
+  trace_back(best.node, result);
+  return SearchStatus::kSurvives;
 }
 
 SearchStatus KinodynamicSearch::settle(SearchResult* result) {

@@ -13,7 +13,7 @@
 #include <vector>
 
 #include "map_daemon/sogm.h"
-#include "planner_daemon/guidance.h"
+#include "planner_daemon/cost_to_go.h"
 #include "planner_daemon/trajectory.h"
 
 namespace swarm {
@@ -52,9 +52,9 @@ struct SearchProblem {
   // same geometry.
   const Sogm* tight = nullptr;
   const Sogm* contact = nullptr;
-  bool fine = true;                    // slow nodes manoeuvre finely (see slow_mps): narrow places, at a price
-  bool emergency = false;              // nothing survives: blocked space may be passed, at the cost of leaving it
-  const Guidance* guidance = nullptr;  // around what stands still; null: none
+  bool fine = true;                      // slow nodes manoeuvre finely (see slow_mps): narrow places, at a price
+  bool emergency = false;                // nothing survives: blocked space may be passed, at the cost of leaving it
+  const CostToGo* cost_to_go = nullptr;  // knows detours and waits; null: none
 };
 
 enum class SearchStatus {
@@ -85,8 +85,10 @@ class KinodynamicSearch {
   // Primitives in which any reachable state comes to rest.
   static int brake_pieces(const SearchLimits& limits, std::int32_t piece_us);
 
-  // Lower bound of the time to the goal of the problem last searched, for a robot at rest [s].
+  // Of the problem last searched: time to the goal, but for accelerations, of a robot that comes to rest there [s] ...
   double time_to_goal(const Eigen::Vector3d& position) const;
+  // ... and what a motion costs from the start to the end of the map by passing blocked space (an emergency's cost).
+  double harm(const Motion& motion) const;
 
   SearchStatus find(const SearchProblem& problem, SearchResult* result);
 
@@ -102,7 +104,7 @@ class KinodynamicSearch {
     double position, velocity, acceleration;  // at the end of the primitive
     double time_to_goal;                      // min_time_to_rest from there
     double effort;                            // cost of the acceleration
-    std::int32_t guidance_cell;               // at the end; -1: none
+    std::int32_t cell;                        // of the cost to go, at the end; -1: none
     bool inside;                              // stays in the flight space
     std::array<std::int32_t, kSamples>
         offset;  // x, y: what the sample adds to the index of a word of the map; z: its word
@@ -128,27 +130,29 @@ class KinodynamicSearch {
     std::int32_t node;
   };
 
-  AxisOption make_option(int axis, double p, double v, double a, double a1) const;
-  AxisOptions axis_options(int axis, const State& from) const;
+  AxisOption make_option(int axis, double p, double v, double a, double a1, int frame) const;
+  AxisOptions axis_options(int axis, const State& from, int frame) const;
   // Cost of the zones one primitive passes; negative when it is blocked.
   double zone_cost(const AxisOption& x, const AxisOption& y, const AxisOption& z, int depth) const;
   // Farther outside the flight space than before: a robot outside may only come back.
   bool strays(const Eigen::Vector3d& before, const Eigen::Vector3d& position) const;
   bool free_at(const Eigen::Vector3d& position, std::int64_t utime) const;
   double axis_time(int axis, double position, double velocity) const;
-  // Time to the goal from the axes' times and the guidance's way.
-  double time_to_goal(double x_s, double y_s, double z_s, double way_m) const;
-  double way_m(const Eigen::Vector3d& position) const;  // of the guidance; 0 without
-  void expand(std::int32_t index, double harm);
-  // `harm`: of stopping at the parent, see find().
-  void push(const State& state, double to_goal_s, double cost, double harm, std::int32_t parent, int depth);
+  static double time_to_goal(double x_s, double y_s, double z_s);    // from the axes' times
+  double delay_s(int frame, const Eigen::Vector3d& position) const;  // of the cost to go; 0 without
+  void expand(std::int32_t index);
+  void push(const State& state, double to_goal_s, double cost, std::int32_t parent, int depth);
+  std::int32_t pop();
+  SearchStatus escape(SearchResult* result);
   bool seen_before(const State& state, int depth);
-  // Quintic from a node to rest at the goal in as few pieces as the limits allow, then hovering there, all free.
+  // Quintic from a node to rest at the goal in as few pieces as the limits allow, then hovering there, all free and out
+  // of wakes.
   bool shoot(const Node& node, SearchResult* result) const;
   // Brakes to rest from a node and hovers to the end of horizon and map; the knots go to the result. Returns the first
   // blocked time or INT64_MAX; in an emergency nothing blocks, and `harm` is the cost of the zones passed.
   std::int64_t brake(const Node& node, SearchResult* result, double* harm) const;
   double harm_at(const Eigen::Vector3d& position, std::int64_t utime) const;  // cost per second
+  double blocked_weight(double ahead_s, bool tight, bool contact) const;      // cost per second in blocked space
   // The budget is spent or nothing is left to expand: the node nearest to the goal that can come to rest, or else the
   // motion that stays free the longest.
   SearchStatus settle(SearchResult* result);
@@ -170,8 +174,10 @@ class KinodynamicSearch {
   bool start_blocked_ = false;
   std::int64_t hover_until_utime_ = 0;
   std::vector<std::array<std::int32_t, kSamples>> frames_;  // first word of the map's frame, per depth and sample
+  std::vector<int> goal_frames_;                            // of the cost to go, at the end of each depth
   std::vector<Node> nodes_;
   std::vector<OpenEntry> open_;
+  std::vector<OpenEntry> beam_;
   std::vector<std::int32_t> expanded_;
   std::vector<std::uint64_t> closed_;  // open addressing, 0 = free
 };

@@ -13,10 +13,7 @@ namespace {
 constexpr std::int64_t kNever = std::numeric_limits<std::int64_t>::max();
 constexpr std::int64_t kCheckStep_us = 10'000;
 constexpr double kKeepBonus_s = 0.05;  // of the motion already flown where the search got stuck
-// In danger: harm per check step in the blocked, tight and contact zones, how far ahead it counts, and how much less of
-// it makes the quick way out worth its rough flight.
-constexpr double kBlockedHarm = 1.0, kTightHarm = 10.0, kContactHarm = 1000.0, kWorthwhile = 10.0;
-constexpr std::int64_t kHarmHorizon_us = 2'000'000;
+constexpr double kWorthwhile = 3.0;    // this much less harm makes the quick way out worth its rough flight
 
 // A plan leaves the own motion between two knots, where speed may still rise a little: some is kept for that.
 PlannerConfig with_reserve(PlannerConfig config) {
@@ -143,8 +140,8 @@ SearchStatus Planner::search(const PlanRequest& request) {
   problem.contact = &contact_.map();
   const SearchLimits& limits = config_.limits;
   compose_standing();
-  if (guidance_.build(standing_.map(), request.goal, limits.space_min.z(), limits.space_max.z()))
-    problem.guidance = &guidance_;
+  cost_to_go_.build(blocked, standing_.map(), reach_, request.goal, limits.space_min, limits.space_max);
+  problem.cost_to_go = &cost_to_go_;
   in_danger_ =
       blocked.occupied(blocked.frame_at(request.start_utime), blocked.geometry.voxel_of(problem.start.position));
   if (in_danger_) dilate_emergency_zones();
@@ -241,19 +238,6 @@ std::int64_t Planner::first_blocked(const Motion& motion, const Sogm& blocked, s
   return kNever;
 }
 
-double Planner::harm(const Motion& motion, std::int64_t from_utime) const {
-  const Sogm& blocked = blocked_.map();
-  double harm = 0.0;
-  for (std::int64_t t = from_utime; t < from_utime + kHarmHorizon_us; t += kCheckStep_us) {
-    const Eigen::Vector3i voxel = blocked.geometry.voxel_of(motion.at(t).position);
-    const int frame = blocked.frame_at(t);
-    if (!blocked.occupied(frame, voxel)) continue;
-    const bool tight = tight_.map().occupied(frame, voxel), contact = contact_.map().occupied(frame, voxel);
-    harm += contact ? kContactHarm : tight ? kTightHarm : kBlockedHarm;
-  }
-  return harm;
-}
-
 void Planner::check(const PlanRequest& request, bool smoothed, const Trajectory& smooth) {
   const std::int64_t from = request.start_utime;
   const std::int64_t left = from + (path_.left_blocked ? std::llround(config_.search.leave_s * 1e6) : 0);
@@ -267,14 +251,14 @@ void Planner::check(const PlanRequest& request, bool smoothed, const Trajectory&
     result_.trajectory = raw_trajectory(path_, config_.search.piece_us, from);
   }
   if (!in_danger_) return;
-  double least = harm({result_.trajectory, {}}, from);
+  double least = quick_search_.harm({result_.trajectory, {}});
   const Trajectory quick = raw_trajectory(quick_path_, quick_piece_us_, from);
-  if (const double quick_harm = harm({quick, {}}, from); quick_harm + kWorthwhile < least) {
+  if (const double quick_harm = quick_search_.harm({quick, {}}); quick_harm + kWorthwhile < least) {
     result_.outcome = PlanOutcome::kUnsafe;
     result_.trajectory = quick;
     least = quick_harm;
   }
-  result_.fly = least <= harm(request.own, from);
+  result_.fly = least <= quick_search_.harm(request.own);
 }
 
 }  // namespace swarm

@@ -16,13 +16,13 @@
 namespace swarm {
 
 struct PlannerConfig {
-  double radius_m = 0.2;     // of the robot's sphere
-  double clearance_m = 0.1;  // free: farther than radius + clearance from every occupied voxel's centre
-  double tight_m = 0.03;     // in an emergency: the clearance that is still given up last before a touch
-  double contact_m = 0.04;   // a voxel's centre this far inside the radius means a touch
-  double comfort_m = 0.15;   // beyond the clearance: avoided where that costs little
-  double wake_s = 0.5;       // where an obstacle was until this long before is its wake: it may turn
-  SearchLimits limits;       // flight space: of the robot's centre
+  double radius_m = 0.2;      // of the robot's sphere
+  double clearance_m = 0.05;  // free: farther than radius + clearance from every occupied voxel's centre
+  double tight_m = 0.0;       // in an emergency: the clearance that is given up last before a touch
+  double contact_m = 0.04;    // a voxel's centre this far inside the radius means a touch
+  double comfort_m = 0.15;    // beyond the clearance: avoided where that costs little
+  double wake_s = 0.5;        // where an obstacle was until this long before is its wake: it may turn
+  SearchLimits limits;        // flight space: of the robot's centre
   SearchOptions search;
   CorridorOptions corridor;
 };
@@ -86,14 +86,13 @@ class Planner {
   bool optimize(const PlanRequest& request, Trajectory* smooth);
   void check(const PlanRequest& request, bool smoothed, const Trajectory& smooth);
   Trajectory raw_trajectory(const SearchResult& path, std::int32_t piece_us, std::int64_t start_utime) const;
-  double harm(const Motion& motion, std::int64_t from_utime) const;
   bool within_limits(const Trajectory& trajectory) const;
   void lap(PlanStep step);
 
   PlannerConfig config_;
   Stopwatch stopwatch_;
   std::int64_t lap_ns_ = 0;
-  Guidance guidance_;
+  CostToGo cost_to_go_;
   KinodynamicSearch search_, quick_search_;
   std::int32_t quick_piece_us_;
   bool keeps_own_ = false;  // the search got stuck, and the own motion ends nearer to the goal

@@ -60,6 +60,7 @@ class Fixture {
 
   static MapConfig default_config() {
     MapConfig config;
+    config.max_rate_hz = 20.0;
     config.robot_id = kRobot;
     return config;
   }
@@ -218,6 +219,20 @@ TEST(MapNode, PublishesAtOnceOnObstaclesUpToTheHighestRate) {
     f.run_for(0.01);
   }
   EXPECT_NEAR(f.out.maps - before, 20, 1);
+}
+
+TEST(MapNode, ObstaclesAtTwentyHertzNeverWaitForTheirMap) {
+  MapConfig config;
+  config.robot_id = kRobot;
+  Fixture f(config);
+  f.send_state();
+  f.run_for(0.09);
+  for (int i = 0; i < 20; ++i) {
+    if (i % 5 == 0) f.send_state();
+    f.send(channel::kObstacles, f.one_sphere({1, 0, 1}));
+    EXPECT_TRUE(i == 0 || f.out.map.start_utime == f.now_us) << "list " << i;
+    f.run_for(0.05);
+  }
 }
 
 TEST(MapNode, WindowFollowsThePredictedRobotOnTheLattice) {
