@@ -8,7 +8,8 @@
 namespace swarm {
 namespace {
 
-constexpr std::int16_t kFar = 30'000;  // [ticks]
+constexpr std::int16_t kFar = 30'000;      // [ticks], beside the window
+constexpr std::int16_t kLongest = 15'000;  // [ticks], any way after the last frame: more is not told apart
 constexpr int kTicksPerFrame = 16;
 
 // The least of each value and its neighbours `step` before and after.
@@ -20,6 +21,10 @@ SWARM_WIDE void least_of_three(const std::int16_t* __restrict in, std::size_t st
 SWARM_WIDE void least_of_rows(const std::int16_t* __restrict a, const std::int16_t* __restrict b,
                               const std::int16_t* __restrict c, std::size_t n, std::int16_t* __restrict out) {
   for (std::size_t i = 0; i < n; ++i) out[i] = std::min(a[i], std::min(b[i], c[i]));
+}
+
+void greatest_of(const std::int16_t* __restrict in, std::int16_t least, std::size_t n, std::int16_t* __restrict out) {
+  for (std::size_t i = 0; i < n; ++i) out[i] = std::max(in[i], least);
 }
 
 // By the bits of eight cells: what each of them costs when its bit is set [ticks].
@@ -96,7 +101,7 @@ void CostToGo::lay_out(const Sogm& blocked, const Eigen::Vector3d& goal, double 
     for (int i = 0; i < size_[axis]; ++i) {
       const double way_m = std::abs(goal[axis] - corner_[axis] - cell_m * (i + 0.5));
       straight[static_cast<std::size_t>(i)] =
-          static_cast<Value>(std::min<double>(kFar, std::round(way_m / speed_mps / tick_s_)));
+          static_cast<Value>(std::min<double>(kLongest, std::round(way_m / speed_mps / tick_s_)));
     }
   }
   goal_ = ((goal - corner_) * inverse_cell_).array().floor().matrix().cast<int>();
@@ -111,24 +116,29 @@ void CostToGo::finish(const Sogm& standing, const Eigen::Vector3d& goal, double 
   for (int x = box.first.x(); x <= box.last.x(); ++x) {
     for (int y = box.first.y(); y <= box.last.y(); ++y) {
       Value* out = values_.data() + column(num_frames_, x, y);
-      for (int z = 0; z < size_.z(); ++z) {
-        out[z] = straight(x, y, z);
-        if (guided) {
-          const double way_ticks = std::min<double>(kFar, guidance_.way_m(x, y, z) * ticks_per_m);
-          out[z] = std::max(out[z], static_cast<Value>(way_ticks));
-        }
+      const Value side = std::max(straight_[0][static_cast<std::size_t>(x)], straight_[1][static_cast<std::size_t>(y)]);
+      greatest_of(straight_[2].data(), side, straight_[2].size(), out);
+      for (int z = 0; guided && z < size_.z(); ++z) {
+        const double way_ticks = std::min<double>(kLongest, guidance_.way_m(x, y, z) * ticks_per_m);
+        out[z] = std::max(out[z], static_cast<Value>(way_ticks));
       }
     }
   }
 }
 
+// Keeps columns from mixing: far cells on top of each.
+void CostToGo::separate(Value* columns, std::size_t n) const {
+  for (std::size_t i = 0; i < n; i += stride_) std::fill(columns + i + size_.z(), columns + i + stride_, kFar);
+}
+
 // The point stays: a frame too short for one cell.
 void CostToGo::copy(int from, int to) {
   const Box& box = boxes_[static_cast<std::size_t>(to)];
-  const int n_y = std::max(0, box.last.y() - box.first.y() + 1);
+  const std::size_t n = static_cast<std::size_t>(std::max(0, box.last.y() - box.first.y() + 1)) * stride_;
   for (int x = box.first.x(); x <= box.last.x(); ++x) {
-    std::copy_n(values_.data() + column(from, x, box.first.y()), static_cast<std::size_t>(n_y) * stride_,
-                values_.data() + column(to, x, box.first.y()));
+    Value* out = values_.data() + column(to, x, box.first.y());
+    std::copy_n(values_.data() + column(from, x, box.first.y()), n, out);
+    separate(out, n);
   }
 }
 
@@ -144,7 +154,7 @@ void CostToGo::spread(int from, int to, const Box& box) {
     if (x <= box.first.x()) continue;
     Value* out = values_.data() + column(to, x - 1, first_y);
     least_of_rows(row(x - 2), row(x - 1), row(x), n, out);
-    for (std::size_t y = 0; y < n; y += stride_) std::fill(out + y + size_.z(), out + y + stride_, kFar);
+    separate(out, n);
   }
 }
 
@@ -156,11 +166,11 @@ void CostToGo::pass_time(const Sogm& blocked, int frame) {
     for (int y = box.first.y(); y <= box.last.y(); ++y) {
       open_cells(blocked, frame, x, y, open_.data());
       Value* out = values_.data() + column(frame, x, y);
-      for (std::size_t z = 0; z < stride_; z += 8) {
+      for (std::size_t z = 0; z < straight_[2].size(); z += 8) {
         const std::uint64_t open = open_[z >> 6] & space_[z >> 6];
         const auto& penalty = kPenalties.of[~open >> (z & 63) & 0xff];
         for (std::size_t k = 0; k < 8; ++k) {
-          out[z + k] = static_cast<Value>(std::min<int>(kFar, out[z + k] + penalty[k] + kTicksPerFrame));
+          out[z + k] = static_cast<Value>(out[z + k] + penalty[k] + kTicksPerFrame);
         }
       }
     }

@@ -55,6 +55,7 @@ class CostToGo {
   void lay_out(const Sogm& blocked, const Eigen::Vector3d& goal, double speed_mps);
   void finish(const Sogm& standing, const Eigen::Vector3d& goal, double ticks_per_m, const Eigen::Vector3d& space_min,
               const Eigen::Vector3d& space_max);
+  void separate(Value* columns, std::size_t n) const;
   void copy(int from, int to);
   void spread(int from, int to, const Box& box);
   void pass_time(const Sogm& blocked, int frame);

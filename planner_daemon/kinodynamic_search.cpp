@@ -16,6 +16,7 @@ constexpr double kUsable = 0.98;  // of a_max: a little is left for rounding
 // What lies ahead counts less and less, for it can still be replanned: down to a least share after this long.
 constexpr double kFade_s = 1.0, kLeastFade = 0.05;
 constexpr std::int64_t kHarmStep_us = 10'000;
+constexpr int kLeadOn = 5;          // in an emergency: manoeuvres of one phase that a second one follows
 constexpr double kStrayHarm = 1e6;  // of leaving the flight space: worse than any touch
 
 // Lengthens a hash chain by one value (splitmix64's finaliser).
@@ -86,7 +87,7 @@ KinodynamicSearch::KinodynamicSearch(const SearchLimits& limits, const SearchOpt
   nodes_.reserve(static_cast<std::size_t>(options.max_expansions) * 32);
   open_.reserve(nodes_.capacity());
   expanded_.reserve(static_cast<std::size_t>(options.max_expansions));
-  beam_.reserve(static_cast<std::size_t>(options.max_expansions));
+  ways_out_.reserve(static_cast<std::size_t>(options.max_expansions));
   std::size_t slots = 1024;
   while (slots < static_cast<std::size_t>(options.max_expansions) * 4) slots *= 2;
   closed_.resize(slots);
@@ -126,8 +127,9 @@ KinodynamicSearch::AxisOption KinodynamicSearch::make_option(int axis, double p,
   return option;
 }
 
-KinodynamicSearch::AxisOptions KinodynamicSearch::axis_options(int axis, const State& from, int frame) const {
-  const double p = from.position[axis], v = from.velocity[axis], a = from.acceleration[axis];
+KinodynamicSearch::AxisOptions KinodynamicSearch::axis_options(int axis, const Node& node) const {
+  const double p = node.state.position[axis], v = node.state.velocity[axis], a = node.state.acceleration[axis];
+  const int frame = goal_frames_[static_cast<std::size_t>(node.depth)];
   // The largest and smallest a1 after which the next primitive can still keep the speed limit: v1 + tau/3 a1 <= v_max.
   const double drift = v + tau_ / 3 * a;
   const double high = std::clamp((limits_.v_max - drift) / tau_, -a_lim_, a_lim_);
@@ -228,8 +230,7 @@ double KinodynamicSearch::time_to_goal(const Eigen::Vector3d& position) const {
 }
 
 bool KinodynamicSearch::seen_before(const State& state, int depth) {
-  const bool still_blocked =
-      !problem_.emergency && start_blocked_ && depth * tau_ < options_.leave_s;  // every way out counts
+  const bool still_blocked = start_blocked_ && depth * tau_ < options_.leave_s;  // every way out counts
   const bool slow = still_blocked || state.velocity.cwiseAbs().maxCoeff() < options_.slow_mps;
   const double refine = slow ? 3.0 : 1.0;
   std::uint64_t key = mix(slow ? 1 : 0, depth);
@@ -247,32 +248,52 @@ bool KinodynamicSearch::seen_before(const State& state, int depth) {
   return false;
 }
 
-void KinodynamicSearch::push(const State& state, double to_goal_s, double cost, std::int32_t parent, int depth) {
-  if (nodes_.size() == nodes_.capacity()) return;  // bounded memory: the best were kept
-  nodes_.push_back({state, cost, to_goal_s, parent, static_cast<std::int16_t>(depth)});
-  open_.push_back({cost + options_.heuristic_weight * to_goal_s, static_cast<std::int32_t>(nodes_.size() - 1)});
+std::int32_t KinodynamicSearch::add_child(std::int32_t index, const AxisOption& x, const AxisOption& y,
+                                          const AxisOption& z) {
+  if (nodes_.size() == nodes_.capacity()) return -1;  // bounded memory: the best were kept
+  const Node& node = nodes_[static_cast<std::size_t>(index)];
+  const double zones = zone_cost(x, y, z, node.depth);
+  if (zones < 0.0) return -1;
+  const CostToGo* to_go = problem_.cost_to_go;
+  const int frame = goal_frames_[static_cast<std::size_t>(node.depth)];
+  Node child;
+  child.state = {{x.position, y.position, z.position},
+                 {x.velocity, y.velocity, z.velocity},
+                 {x.acceleration, y.acceleration, z.acceleration}};
+  child.cost = node.cost + zones + tau_ * (1.0 + x.effort + y.effort + z.effort);
+  child.time_to_goal = time_to_goal(x.time_to_goal, y.time_to_goal, z.time_to_goal) +
+                       (to_go != nullptr ? to_go->delay_s(frame, x.cell, y.cell, z.cell) : 0.0);
+  child.parent = index;
+  child.depth = static_cast<std::int16_t>(node.depth + 1);
+  nodes_.push_back(child);
+  return static_cast<std::int32_t>(nodes_.size() - 1);
+}
+
+double KinodynamicSearch::total(std::int32_t index) const {
+  const Node& node = nodes_[static_cast<std::size_t>(index)];
+  return node.cost + options_.heuristic_weight * node.time_to_goal;
+}
+
+void KinodynamicSearch::push(std::int32_t index) {
+  if (index < 0) return;
+  open_.push_back({total(index), index});
   std::push_heap(open_.begin(), open_.end(), kLater);
 }
 
-void KinodynamicSearch::expand(std::int32_t index) {
-  const Node node = nodes_[static_cast<std::size_t>(index)];
-  const int frame = goal_frames_[static_cast<std::size_t>(node.depth)];
-  const AxisOptions xs = axis_options(0, node.state, frame), ys = axis_options(1, node.state, frame),
-                    zs = axis_options(2, node.state, frame);
+std::int32_t KinodynamicSearch::pop() {
+  std::pop_heap(open_.begin(), open_.end(), kLater);
+  const std::int32_t index = open_.back().node;
+  open_.pop_back();
+  return index;
+}
+
+template <class Visit>
+void KinodynamicSearch::for_each_child(std::int32_t index, const Visit& visit) {
+  const Node& node = nodes_[static_cast<std::size_t>(index)];
+  const AxisOptions xs = axis_options(0, node), ys = axis_options(1, node), zs = axis_options(2, node);
   for (int x = 0; x < xs.count; ++x) {
     for (int y = 0; y < ys.count; ++y) {
-      for (int z = 0; z < zs.count; ++z) {
-        const AxisOption &ox = xs.option[x], &oy = ys.option[y], &oz = zs.option[z];
-        const double zones = zone_cost(ox, oy, oz, node.depth);
-        if (zones < 0.0) continue;
-        const double delay_s =
-            problem_.cost_to_go != nullptr ? problem_.cost_to_go->delay_s(frame, ox.cell, oy.cell, oz.cell) : 0.0;
-        push({{ox.position, oy.position, oz.position},
-              {ox.velocity, oy.velocity, oz.velocity},
-              {ox.acceleration, oy.acceleration, oz.acceleration}},
-             time_to_goal(ox.time_to_goal, oy.time_to_goal, oz.time_to_goal) + delay_s,
-             node.cost + zones + tau_ * (1.0 + ox.effort + oy.effort + oz.effort), index, node.depth + 1);
-      }
+      for (int z = 0; z < zs.count; ++z) visit(add_child(index, xs.option[x], ys.option[y], zs.option[z]));
     }
   }
 }
@@ -405,9 +426,12 @@ SearchStatus KinodynamicSearch::find(const SearchProblem& problem, SearchResult*
   expanded_.clear();
   std::fill(closed_.begin(), closed_.end(), 0);
 
-  const State start{problem.start.position, problem.start.velocity, problem.start.acceleration};
-  const auto axis_s = [&](int axis) { return axis_time(axis, start.position[axis], start.velocity[axis]); };
-  push(start, time_to_goal(axis_s(0), axis_s(1), axis_s(2)), 0.0, -1, 0);
+  Node root;
+  root.state = {problem.start.position, problem.start.velocity, problem.start.acceleration};
+  const auto axis_s = [&](int axis) { return axis_time(axis, root.state.position[axis], root.state.velocity[axis]); };
+  root.time_to_goal = time_to_goal(axis_s(0), axis_s(1), axis_s(2));
+  nodes_.push_back(root);
+  push(0);
   if (problem.emergency) return escape(result);
   while (!open_.empty() && result->expansions < options_.max_expansions) {
     const std::int32_t index = pop();
@@ -423,7 +447,7 @@ SearchStatus KinodynamicSearch::find(const SearchProblem& problem, SearchResult*
     }
     double harm = 0.0;
     if (node.depth < max_depth_) {
-      expand(index);
+      for_each_child(index, [this](std::int32_t child) { push(child); });
     } else if (brake(node, result, &harm) == kNever) {
       trace_back(index, result);
       return SearchStatus::kSurvives;
@@ -432,34 +456,47 @@ SearchStatus KinodynamicSearch::find(const SearchProblem& problem, SearchResult*
   return settle(result);
 }
 
-std::int32_t KinodynamicSearch::pop() {
-  std::pop_heap(open_.begin(), open_.end(), kLater);
-  const std::int32_t index = open_.back().node;
-  open_.pop_back();
-  return index;
+void KinodynamicSearch::hold(std::int32_t index) {
+  while (index >= 0 && nodes_[static_cast<std::size_t>(index)].depth < max_depth_) {
+    const Node& node = nodes_[static_cast<std::size_t>(index)];
+    std::array<AxisOption, 3> same;
+    for (int axis = 0; axis < 3; ++axis) {
+      const AxisOptions options = axis_options(axis, node);
+      const auto off = [&](const AxisOption& option) {
+        return std::abs(option.acceleration - node.state.acceleration[axis]);
+      };
+      const auto* end = options.option.data() + options.count;
+      const auto* nearest =
+          std::min_element(options.option.data(), end, [&](const auto& a, const auto& b) { return off(a) < off(b); });
+      if (nearest == end) return;
+      same[static_cast<std::size_t>(axis)] = *nearest;
+    }
+    index = add_child(index, same[0], same[1], same[2]);
+  }
 }
 
-// A beam search. At every depth the cheapest are looked at: to brake from any of them is a way out, and those from
-// which that does least harm, counted to the end of the map, lead on.
+// Manoeuvres of two phases: in each of them an acceleration is held for some primitives, then the robot brakes. All of
+// one phase; from those that do least harm, counted to the end of the map, all of another.
 SearchStatus KinodynamicSearch::escape(SearchResult* result) {
-  const int width = options_.max_expansions / (max_depth_ + 1);
   OpenEntry best{std::numeric_limits<double>::infinity(), 0};
   double harm = 0.0;
-  for (int depth = 0; depth <= max_depth_; ++depth) {
-    beam_.clear();
-    while (!open_.empty() && static_cast<int>(beam_.size()) < width) {
-      const std::int32_t index = pop();
-      const Node& node = nodes_[static_cast<std::size_t>(index)];
-      if (seen_before(node.state, node.depth)) continue;
-      (void)brake(node, result, &harm);
-      ++result->expansions;
-      beam_.push_back({node.cost + harm + options_.heuristic_weight * node.time_to_goal, index});
-      if (kLater(best, beam_.back())) best = beam_.back();
+  ways_out_.assign(1, {0.0, 0});
+  for (int phase = 0; phase < 2; ++phase) {
+    const std::size_t first = phase == 0 ? 0 : nodes_.size();
+    const int width = phase == 0 ? 1 : kLeadOn;
+    std::sort(ways_out_.begin(), ways_out_.end(), [](const OpenEntry& a, const OpenEntry& b) { return kLater(b, a); });
+    for (int i = 0; i < std::min(width, static_cast<int>(ways_out_.size())); ++i) {
+      if (nodes_[static_cast<std::size_t>(ways_out_[i].node)].depth == max_depth_) continue;
+      for_each_child(ways_out_[i].node, [this](std::int32_t child) { hold(child); });
     }
-    if (depth == max_depth_) break;
-    open_.clear();
-    std::sort(beam_.begin(), beam_.end(), [](const OpenEntry& a, const OpenEntry& b) { return kLater(b, a); });
-    for (std::size_t i = 0; i < (beam_.size() + 1) / 2; ++i) expand(beam_[i].node);
+    ways_out_.clear();
+    for (std::size_t i = first; i < nodes_.size() && result->expansions < options_.max_expansions; ++i) {
+      const auto index = static_cast<std::int32_t>(i);
+      (void)brake(nodes_[i], result, &harm);
+      ++result->expansions;
+      ways_out_.push_back({total(index) + harm, index});
+      if (kLater(best, ways_out_.back())) best = ways_out_.back();
+    }
   }
   (void)brake(nodes_[static_cast<std::size_t>(best.node)], result, &harm);
   trace_back(best.node, result);
@@ -468,12 +505,11 @@ SearchStatus KinodynamicSearch::escape(SearchResult* result) {
 
 SearchStatus KinodynamicSearch::settle(SearchResult* result) {
   result->settled = true;
-  const auto total = [this](std::int32_t index) {
-    const Node& node = nodes_[static_cast<std::size_t>(index)];
-    return node.cost + options_.heuristic_weight * node.time_to_goal - node.depth * tau_;
+  const auto cost = [this](std::int32_t index) {  // but for the time it takes to get there
+    return total(index) - nodes_[static_cast<std::size_t>(index)].depth * tau_;
   };
   std::sort(expanded_.begin(), expanded_.end(),
-            [&](std::int32_t a, std::int32_t b) { return total(a) < total(b) || (total(a) == total(b) && a < b); });
+            [&](std::int32_t a, std::int32_t b) { return cost(a) < cost(b) || (cost(a) == cost(b) && a < b); });
   double harm = 0.0;
   std::int32_t longest = 0;
   std::int64_t longest_until = -1;

@@ -131,7 +131,7 @@ class KinodynamicSearch {
   };
 
   AxisOption make_option(int axis, double p, double v, double a, double a1, int frame) const;
-  AxisOptions axis_options(int axis, const State& from, int frame) const;
+  AxisOptions axis_options(int axis, const Node& node) const;
   // Cost of the zones one primitive passes; negative when it is blocked.
   double zone_cost(const AxisOption& x, const AxisOption& y, const AxisOption& z, int depth) const;
   // Farther outside the flight space than before: a robot outside may only come back.
@@ -140,8 +140,13 @@ class KinodynamicSearch {
   double axis_time(int axis, double position, double velocity) const;
   static double time_to_goal(double x_s, double y_s, double z_s);    // from the axes' times
   double delay_s(int frame, const Eigen::Vector3d& position) const;  // of the cost to go; 0 without
-  void expand(std::int32_t index);
-  void push(const State& state, double to_goal_s, double cost, std::int32_t parent, int depth);
+  // By one primitive; -1 when it is blocked.
+  std::int32_t add_child(std::int32_t index, const AxisOption& x, const AxisOption& y, const AxisOption& z);
+  template <class Visit>
+  void for_each_child(std::int32_t index, const Visit& visit);  // visit(child or -1)
+  void hold(std::int32_t index);           // on from a node with the same accelerations, as far as it goes
+  double total(std::int32_t index) const;  // cost and weighted time to the goal
+  void push(std::int32_t index);           // on the open list, unless -1
   std::int32_t pop();
   SearchStatus escape(SearchResult* result);
   bool seen_before(const State& state, int depth);
@@ -177,7 +182,7 @@ class KinodynamicSearch {
   std::vector<int> goal_frames_;                            // of the cost to go, at the end of each depth
   std::vector<Node> nodes_;
   std::vector<OpenEntry> open_;
-  std::vector<OpenEntry> beam_;
+  std::vector<OpenEntry> ways_out_;
   std::vector<std::int32_t> expanded_;
   std::vector<std::uint64_t> closed_;  // open addressing, 0 = free
 };

@@ -25,9 +25,7 @@ PlannerConfig with_reserve(PlannerConfig config) {
 SearchOptions quick(const SearchLimits& limits, const SearchOptions& options) {
   SearchOptions half = options;
   half.piece_us /= 2;
-  half.cell_m /= 2;
-  half.cell_mps /= 2;
-  half.slow_mps = 0.0;  // far ways out matter more than fine ones
+  half.max_expansions *= 2;
   return KinodynamicSearch::brake_pieces(limits, half.piece_us) < half.num_pieces ? half : options;
 }
 

@@ -16,7 +16,7 @@ using Eigen::Vector3d;
 using Eigen::Vector3i;
 
 constexpr std::int64_t kStart = 1'700'000'000'000'000;
-constexpr int kTicks = 16, kFar = 30'000;  // per frame; more than any way
+constexpr int kTicks = 16, kFar = 30'000, kLongest = 15'000;  // per frame; beside the window; of ways told apart
 
 // Times to the goal [ticks] of every cell at the start of every frame, the whole window.
 class PlainCostToGo {
@@ -34,11 +34,11 @@ class PlainCostToGo {
       const double ticks_per_m = kTicks / (frame_s * speed_mps);
       const int straight_ticks = static_cast<int>(std::round(way_m.maxCoeff() * ticks_per_m));
       const double guided_m = guided ? guidance.way_m(cell.x(), cell.y(), cell.z()) : 0.0;
-      return std::max(straight_ticks, static_cast<int>(guided_m * ticks_per_m));
+      return std::min(kLongest, std::max(straight_ticks, static_cast<int>(guided_m * ticks_per_m)));
     });
     straight = table([&](const Vector3i& cell) {
       const Vector3d way_m = (goal - corner - cell_m * (cell.cast<double>().array() + 0.5).matrix()).cwiseAbs();
-      return static_cast<int>(std::round(way_m.maxCoeff() * kTicks / (frame_s * speed_mps)));
+      return std::min(kLongest, static_cast<int>(std::round(way_m.maxCoeff() * kTicks / (frame_s * speed_mps))));
     });
     values.assign(static_cast<std::size_t>(blocked.num_frames) + 1, later);
     const Vector3i goal_cell = ((goal - corner) / cell_m).array().floor().matrix().cast<int>();
@@ -93,8 +93,9 @@ TEST(CostToGoTest, EqualsAPlainDynamicProgramme) {
   int known = 0, detours = 0, closed = 0, after_start = 0;
   for (int trial = 0; trial < 24; ++trial) {
     // Even and odd sizes; one and two words of cells; frames of no, one or several cells' way.
-    const Vector3d size_m = trial % 6 == 5 ? Vector3d(2.1, 1.9, 14.5) : Vector3d(5, 3.9 + 0.1 * (trial % 3), 2.1);
-    const double speed_mps = std::array{2.0, 0.7, 6.3}[static_cast<std::size_t>(trial % 3)];
+    const Vector3d size_m =
+        trial % 6 == 5 ? Vector3d(2.1, 1.9, trial % 12 == 5 ? 14.5 : 12.8) : Vector3d(5, 3.9 + 0.1 * (trial % 3), 2.1);
+    const double speed_mps = std::array{2.0, 0.7, 6.3, 0.01}[static_cast<std::size_t>(trial % 4)];
     Sogm blocked = empty_map(size_m, 0.1, 8, kStart, 100'000);
     const Vector3d half = size_m / 2;
     for (int i = 0; i < 8; ++i)

@@ -588,8 +588,7 @@ TEST(KinodynamicSearchTest, InAnEmergencyTheWayOutDoesLeastHarm) {
   const SearchLimits limits;
   SearchOptions options;
   options.piece_us = 100'000;
-  options.cell_m /= 2;
-  options.cell_mps /= 2;
+  options.max_expansions *= 2;
   KinodynamicSearch search(limits, options);
   CostToGo cost_to_go;
   int touched_at_rest = 0;
