@@ -10,6 +10,7 @@
 #include <Eigen/Core>
 #include <array>
 #include <cstdint>
+#include <limits>
 #include <vector>
 
 #include "map_daemon/sogm.h"
@@ -97,6 +98,7 @@ class KinodynamicSearch {
 
  private:
   static constexpr int kSamples = 8;  // collision checks per primitive
+  static constexpr std::int64_t kNever = std::numeric_limits<std::int64_t>::max();
 
   // What one axis does during a primitive; the axes are independent, so each option is worked out once for all
   // children.
@@ -117,6 +119,7 @@ class KinodynamicSearch {
   };
   struct State {
     Eigen::Vector3d position, velocity, acceleration;
+    MotionState motion() const { return {position, velocity, acceleration, Eigen::Vector3d::Zero()}; }
   };
   struct Node {
     State state;
@@ -140,7 +143,7 @@ class KinodynamicSearch {
   double axis_time(int axis, double position, double velocity) const;
   static double time_to_goal(double x_s, double y_s, double z_s);    // from the axes' times
   double delay_s(int frame, const Eigen::Vector3d& position) const;  // of the cost to go; 0 without
-  // By one primitive; -1 when it is blocked.
+  // Child of a node by one primitive; -1 when it is blocked.
   std::int32_t add_child(std::int32_t index, const AxisOption& x, const AxisOption& y, const AxisOption& z);
   template <class Visit>
   void for_each_child(std::int32_t index, const Visit& visit);  // visit(child or -1)
@@ -148,7 +151,7 @@ class KinodynamicSearch {
   double total(std::int32_t index) const;  // cost and weighted time to the goal
   void push(std::int32_t index);           // on the open list, unless -1
   std::int32_t pop();
-  SearchStatus escape(SearchResult* result);
+  SearchStatus escape(SearchResult* result);  // the answer to an emergency
   bool seen_before(const State& state, int depth);
   // Quintic from a node to rest at the goal in as few pieces as the limits allow, then hovering there, all free and out
   // of wakes.

@@ -123,7 +123,7 @@ ordered_json to_json(const RunReport& report) {
           {"touches", list(report.touches)},
           {"robots", list(report.robots)},
           {"planning_ms", planning},
-          {"mapping_ms", to_json(report.mapping)},
+          {"mapping_ms", report.mapping.count > 0 ? to_json(report.mapping) : ordered_json(nullptr)},
           {"channels", channels}};
 }
 

@@ -150,9 +150,12 @@ TEST_F(Campaign, TheReportSaysTheSameAsTheResults) {
   EXPECT_NE(page.find("robot 1-robot 0@3.00"), std::string::npos);
   EXPECT_NE(page.find("swarm_sim run " + list_.string() + ":"), std::string::npos);
   EXPECT_EQ(page.find("src="), std::string::npos) << "must be self-contained";
+  std::size_t figure = 0;
   for (const char* name : {"success", "flight_time", "planning_time"}) {
     EXPECT_GT(fs::file_size(directory_ / "results" / (std::string(name) + ".png")), 5000u);
-    EXPECT_NE(page.find("<svg", page.find("<figure>")), std::string::npos);
+    figure = page.find("<figure>", figure + 1);
+    ASSERT_NE(figure, std::string::npos) << name;
+    EXPECT_LT(page.find("<svg", figure), page.find("</figure>", figure)) << name;
   }
   write_text(out_, results.replace(results.find("obstacles"), 9, "obstacle_"));
   const Finished refused = run_program({report, out_, "--out", directory_ / "none"}, 60);

@@ -103,6 +103,28 @@ TEST(Dilation, RadiusLargerThanTheWindowFillsIt) {
   }
 }
 
+TEST(Dilation, WhatWasOccupiedSomeFramesBeforeCountsAsWell) {
+  std::mt19937 rng(11);
+  Dilator dilator;
+  for (int trial = 0; trial < 12; ++trial) {
+    const Sogm in = random_sogm({11, 14, trial % 2 == 0 ? 9 : 70}, 6, 0.004, 0.1, &rng);
+    for (int before : {0, 1, 3, 9}) {
+      Sogm sums = in, expected;
+      for (int frame = 0; frame < in.num_frames; ++frame) {
+        for (int earlier = std::max(0, frame - before); earlier < frame; ++earlier) {
+          for (int i = 0; i < in.geometry.words_per_frame(); ++i)
+            sums.column(frame, 0, 0)[i] |= in.column(earlier, 0, 0)[i];
+        }
+      }
+      for (double radius_m : {0.0, 0.15}) {
+        dilate(sums, radius_m, &expected);
+        EXPECT_TRUE(dilator.dilate(in, radius_m, nullptr, before).words == expected.words)
+            << "trial " << trial << ": " << before << " frames before, radius " << radius_m;
+      }
+    }
+  }
+}
+
 // Inside what is reached while a frame is in force, as without a reach; elsewhere clear, or at most a voxel wider.
 TEST(Dilation, ReachLimitsTheWorkAndNothingElse) {
   std::mt19937 rng(7);

@@ -136,7 +136,7 @@ def draw_planning_time(rows):
     axis.set_xticks(range(len(STEPS)), STEPS)
     axis.set_ylabel("per plan [ms]")
     axis.set_title("Planning time: median (bar) and 99th percentile (line) of a flight, median over flights")
-    axis.legend(ncol=5, frameon=False, fontsize=8)
+    figure.legend(loc="upper center", bbox_to_anchor=(0.5, 0), ncol=5, frameon=False)
     return figure
 
 

@@ -1,0 +1,129 @@
+// The primitives of the search: what they may be, where they lead, and what the zones they pass cost.
+#include <algorithm>
+#include <cmath>
+
+#include "planner_daemon/kinodynamic_search.h"
+
+namespace swarm {
+namespace {
+
+// What lies ahead counts less and less, for it can still be replanned: down to a least share after this long.
+constexpr double kFade_s = 1.0, kLeastFade = 0.05;
+
+}  // namespace
+
+double min_time_to_rest(double d, double v, double v_max, double a_max) {
+  v = std::clamp(v, -v_max, v_max);
+  // Mirror so that the motion first accelerates in the positive direction.
+  if (d < v * std::abs(v) / (2 * a_max)) d = -d, v = -v;
+  const double peak = std::sqrt(std::max(0.0, a_max * d + v * v / 2));
+  if (peak <= v_max) return (peak - v + peak) / a_max;
+  const double cruise = d - (2 * v_max * v_max - v * v) / (2 * a_max);
+  return (2 * v_max - v) / a_max + cruise / v_max;
+}
+
+KinodynamicSearch::AxisOption KinodynamicSearch::make_option(int axis, double p, double v, double a, double a1,
+                                                             int frame) const {
+  AxisOption option;
+  const GridGeometry& grid = problem_.blocked->geometry;
+  const double inverse = 1.0 / grid.resolution_m;
+  const double low = limits_.space_min[axis], high = limits_.space_max[axis];
+  const int words = grid.words_per_column();
+  const int stride = axis == 0 ? grid.size.y() * words : words;
+  option.inside = true;
+  double before = p;
+  for (std::size_t i = 0; i < kSamples; ++i) {
+    const double position = p + weights_[i].v * v + weights_[i].a0 * a + weights_[i].a1 * a1;
+    const int voxel = static_cast<int>(std::floor(position * inverse)) - grid.origin[axis];
+    const bool known = voxel >= 0 && voxel < grid.size[axis];
+    if (axis < 2) {
+      option.offset[i] = known ? voxel * stride : 0;
+      option.in_window[i] = known ? ~std::uint64_t{0} : 0;
+    } else {
+      option.offset[i] = known ? voxel >> 6 : 0;
+      option.in_window[i] = known ? std::uint64_t{1} << (voxel & 63) : 0;
+    }
+    // A robot outside the flight space may only come back.
+    if ((position < low && position < before) || (position > high && position > before)) option.inside = false;
+    before = position;
+  }
+  option.position = before;
+  option.velocity = v + tau_ / 3 * (a + 2 * a1);
+  option.acceleration = a1;
+  option.time_to_goal = axis_time(axis, option.position, option.velocity);
+  option.effort = options_.effort_weight * a1 * a1;
+  option.cell = problem_.cost_to_go != nullptr ? problem_.cost_to_go->cell_of(frame, axis, option.position) : -1;
+  return option;
+}
+
+KinodynamicSearch::AxisOptions KinodynamicSearch::axis_options(int axis, const Node& node) const {
+  const double p = node.state.position[axis], v = node.state.velocity[axis], a = node.state.acceleration[axis];
+  const int frame = goal_frames_[static_cast<std::size_t>(node.depth)];
+  // The largest and smallest a1 after which the next primitive can still keep the speed limit: v1 + tau/3 a1 <= v_max.
+  const double drift = v + tau_ / 3 * a;
+  const double high = std::clamp((limits_.v_max - drift) / tau_, -a_lim_, a_lim_);
+  const double low = std::clamp((-limits_.v_max - drift) / tau_, -a_lim_, a_lim_);
+  const double rest = std::clamp(-drift / tau_, low, high);  // at rest one primitive later, or as near as may be
+  const double gentle = problem_.fine && std::abs(v) < 0.5 * options_.slow_mps ? 0.25 * a_lim_ : 0.0;
+  AxisOptions options;
+  for (double wanted : {a_lim_, -a_lim_, rest, 0.0, gentle, -gentle}) {
+    const double a1 = std::clamp(wanted, low, high);
+    bool is_new = true;
+    for (int i = 0; i < options.count; ++i) {
+      is_new = is_new && std::abs(options.option[i].acceleration - a1) > 0.05 * a_lim_;
+    }
+    if (!is_new) continue;
+    options.option[options.count] = make_option(axis, p, v, a, a1, frame);
+    if (options.option[options.count].inside) ++options.count;
+  }
+  return options;
+}
+
+MotionState KinodynamicSearch::propagate(const MotionState& from, const Eigen::Vector3d& a1) const {
+  const SampleWeights& end = weights_.back();
+  MotionState to;
+  to.position = from.position + end.v * from.velocity + end.a0 * from.acceleration + end.a1 * a1;
+  to.velocity = from.velocity + tau_ / 3 * (from.acceleration + 2 * a1);
+  to.acceleration = a1;
+  return to;
+}
+
+bool KinodynamicSearch::leaving(int depth, int sample) const {
+  return problem_.emergency || (start_blocked_ && (depth + (sample + 1.0) / kSamples) * tau_ <= options_.leave_s);
+}
+
+double KinodynamicSearch::zone_cost(const AxisOption& x, const AxisOption& y, const AxisOption& z, int depth) const {
+  const auto& frames = frames_[static_cast<std::size_t>(depth)];
+  std::array<std::int32_t, kSamples> words;
+  std::array<std::uint64_t, kSamples> bits;
+  std::uint64_t any = 0;
+  for (std::size_t i = 0; i < kSamples; ++i) {
+    words[i] = frames[i] + x.offset[i] + y.offset[i] + z.offset[i];
+    bits[i] = x.in_window[i] & y.in_window[i] & z.in_window[i];
+    any |= problem_.near->words[static_cast<std::size_t>(words[i])] & bits[i];
+  }
+  if (any == 0) return 0.0;  // the near zone holds the blocked one
+  double cost = 0.0;
+  for (std::size_t i = 0; i < kSamples; ++i) {
+    const auto in = [&](const Sogm* zone) { return (zone->words[static_cast<std::size_t>(words[i])] & bits[i]) != 0; };
+    if (!in(problem_.near)) continue;
+    cost += options_.near_weight;
+    if (problem_.wake != nullptr && in(problem_.wake)) cost += options_.wake_weight;
+    if (!in(problem_.blocked)) continue;
+    if (!leaving(depth, static_cast<int>(i))) return -1.0;
+    cost += blocked_weight((depth + (static_cast<double>(i) + 1.0) / kSamples) * tau_, in(problem_.tight),
+                           in(problem_.contact));
+  }
+  return cost * tau_ / kSamples;
+}
+
+double KinodynamicSearch::blocked_weight(double ahead_s, bool tight, bool contact) const {
+  const double fade = std::max(kLeastFade, 1.0 - ahead_s / kFade_s);
+  return options_.leave_weight * fade * (contact ? 100.0 : tight ? 10.0 : 1.0);
+}
+
+double KinodynamicSearch::axis_time(int axis, double position, double velocity) const {
+  return min_time_to_rest(problem_.goal[axis] - position, velocity, limits_.v_max, a_lim_);
+}
+
+}  // namespace swarm
