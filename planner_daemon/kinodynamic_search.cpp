@@ -194,8 +194,8 @@ SearchStatus KinodynamicSearch::find(const SearchProblem& problem, SearchResult*
   const auto axis_s = [&](int axis) { return axis_time(axis, root.state.position[axis], root.state.velocity[axis]); };
   root.time_to_goal = time_to_goal(axis_s(0), axis_s(1), axis_s(2));
   nodes_.push_back(root);
-  push(0);
   if (problem.emergency) return escape(result);
+  push(0);
   while (!open_.empty() && result->expansions < options_.max_expansions) {
     const std::int32_t index = pop();
     const Node& node = nodes_[static_cast<std::size_t>(index)];

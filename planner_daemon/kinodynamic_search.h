@@ -69,7 +69,7 @@ struct SearchResult {
   std::array<MotionState, Trajectory::kMaxPieces + 1> knots;
   int num_pieces = 0;                 // up to rest: fewer than the horizon when it rests at the goal earlier
   std::int64_t free_until_utime = 0;  // the path meets blocked space then; INT64_MAX: never within the map
-  int expansions = 0;
+  int expansions = 0;                 // nodes expanded; in an emergency ways out looked at
   bool settled = false;       // the budget was spent or nothing was left to expand: the best seen; not in an emergency
   bool left_blocked = false;  // it started in blocked space
 };

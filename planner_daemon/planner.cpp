@@ -25,7 +25,7 @@ PlannerConfig with_reserve(PlannerConfig config) {
 SearchOptions quick(const SearchLimits& limits, const SearchOptions& options) {
   SearchOptions half = options;
   half.piece_us /= 2;
-  half.max_expansions *= 2;
+  half.max_expansions *= 2;  // room for the manoeuvres of both phases
   return KinodynamicSearch::brake_pieces(limits, half.piece_us) < half.num_pieces ? half : options;
 }
 

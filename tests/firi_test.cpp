@@ -1,4 +1,4 @@
-// Long because it judges two sources of one header, the polytopes and the inscribed ellipsoid, each by its own oracle.
+// The polytopes of FIRI; its ellipsoid is in inscribed_ellipsoid_test.cpp.
 #include "planner_daemon/firi.h"
 
 #include <gtest/gtest.h>
@@ -8,11 +8,12 @@
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <algorithm>
-#include <nlopt.hpp>
-#include <random>
 #include <sstream>
 #include <stdexcept>
 #include <vector>
+
+#include "tests/hull_distance.h"
+#include "tests/random_motion.h"
 
 namespace swarm {
 namespace {
@@ -20,52 +21,6 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Matrix3Xd;
 using Eigen::Vector3d;
-using Rng = std::mt19937_64;
-
-double uniform(Rng& rng, double low, double high) {
-  return std::uniform_real_distribution<double>(low, high)(rng);
-}
-Vector3d in_cube(Rng& rng, double half) {
-  const double x = uniform(rng, -half, half), y = uniform(rng, -half, half), z = uniform(rng, -half, half);
-  return {x, y, z};
-}
-Vector3d direction(Rng& rng) {
-  std::normal_distribution<double> normal;
-  const double x = normal(rng), y = normal(rng), z = normal(rng);
-  return Vector3d(x, y, z).normalized();
-}
-
-// Distance of `p` to the hull of `points`: the least over all their vertices, edges and triangles, none in a
-// tetrahedron.
-double distance_to_hull(const Vector3d& p, const Matrix3Xd& points) {
-  const int n = static_cast<int>(points.cols());
-  double least = INFINITY;
-  for (int a = 0; a < n; ++a) {
-    const Vector3d A = points.col(a) - p;
-    least = std::min(least, A.norm());
-    for (int b = a + 1; b < n; ++b) {
-      const Vector3d B = points.col(b) - p, ab = B - A;
-      if (ab.norm() > 0) least = std::min(least, (A + std::clamp(-A.dot(ab) / ab.squaredNorm(), 0.0, 1.0) * ab).norm());
-      for (int c = b + 1; c < n; ++c) {
-        const Vector3d C = points.col(c) - p, cross = ab.cross(C - A);
-        if (cross.norm() > 1e-12) {
-          const Vector3d normal = cross.normalized(), foot = normal * normal.dot(A);
-          const double u = (B - foot).cross(C - foot).dot(normal), v = (C - foot).cross(A - foot).dot(normal),
-                       w = (A - foot).cross(B - foot).dot(normal);
-          if (u >= 0 && v >= 0 && w >= 0) least = std::min(least, foot.norm());
-        }
-        for (int d = c + 1; d < n; ++d) {
-          const Vector3d D = points.col(d) - p;
-          const double volume = (B - A).cross(C - A).dot(D - A);
-          if (std::abs(volume) < 1e-12) continue;
-          const double parts[4] = {B.cross(C).dot(D), -A.cross(C).dot(D), A.cross(B).dot(D), -A.cross(B).dot(C)};
-          if (std::all_of(parts, parts + 4, [&](double part) { return part / volume >= 0; })) return 0.0;
-        }
-      }
-    }
-  }
-  return least;
-}
 
 struct Scene {
   Matrix3Xd seed, obstacles;
@@ -154,7 +109,7 @@ TEST(Firi, KeepsTheSeedInsideAndEveryObstacleOutside) {
     double closest = INFINITY;
     for (Eigen::Index i = 0; i < scene.obstacles.cols(); ++i) {
       const Vector3d obstacle = scene.obstacles.col(i);
-      const double distance = distance_to_hull(obstacle, scene.seed);
+      const double distance = distance_to_hull(scene.seed, obstacle);
       closest = std::min(closest, distance);
       if (distance > 1e-7) {
         ASSERT_GE(polytope.violation(obstacle), -1e-9) << "obstacle " << obstacle.transpose();
@@ -218,7 +173,7 @@ TEST(Firi, AnObstacleInTheSeedBlocksAndTheOthersAreStillExcluded) {
     ASSERT_NO_FATAL_FAILURE(expect_sound(scene, polytope));
     for (Eigen::Index i = 0; i < scene.obstacles.cols(); ++i) {
       const Vector3d obstacle = scene.obstacles.col(i);
-      if (distance_to_hull(obstacle, scene.seed) > 1e-7) {
+      if (distance_to_hull(scene.seed, obstacle) > 1e-7) {
         ASSERT_GE(polytope.violation(obstacle), -1e-9);
       }
     }
@@ -308,7 +263,7 @@ TEST(Firi, TheSecondIterationGrowsTheVolume) {
     const double clear = std::sqrt(3.0) * scene.options.half_extent_m + 0.1;
     bool free = true;
     for (Eigen::Index i = 0; i < scene.obstacles.cols(); ++i) {
-      free &= distance_to_hull(scene.obstacles.col(i), scene.seed) > clear;
+      free &= distance_to_hull(scene.seed, scene.obstacles.col(i)) > clear;
     }
     if (!free || scene.obstacles.cols() == 0) continue;
     SCOPED_TRACE(testing::Message() << "trial " << trial << "\n" << scene.describe());
@@ -375,173 +330,6 @@ TEST(Firi, RefusesBadArguments) {
 TEST(Firi, StatusesHaveNames) {
   EXPECT_STREQ(to_string(FiriStatus::kGrown), "grown");
   EXPECT_STREQ(to_string(FiriStatus::kSeedBlocked), "seed blocked");
-}
-
-// ---- inscribed ellipsoid
-
-// The unit box, its faces, and random tangent planes of a ball around the origin, all moved by a random affine map.
-Polytope random_polytope(Rng& rng, Vector3d* inside) {
-  const int cuts = std::uniform_int_distribution<int>(0, 24)(rng);
-  Polytope polytope;
-  polytope.normals.resize(6 + cuts, 3);
-  polytope.normals << Matrix3d::Identity(), -Matrix3d::Identity(), Eigen::MatrixXd::Zero(cuts, 3);
-  polytope.offsets.setOnes(6 + cuts);
-  for (int i = 6; i < 6 + cuts; ++i) {
-    polytope.normals.row(i) = direction(rng);
-    polytope.offsets(i) = uniform(rng, 0.2, 1.5);
-  }
-  const Matrix3d map = Eigen::AngleAxisd(uniform(rng, 0, 3), direction(rng)) *
-                       Eigen::Scaling(uniform(rng, 0.1, 2), uniform(rng, 0.1, 2), uniform(rng, 0.1, 2)) *
-                       Eigen::AngleAxisd(uniform(rng, 0, 3), direction(rng)).toRotationMatrix();
-  const Vector3d shift = in_cube(rng, 5.0);
-  polytope.normals *= map.inverse();
-  polytope.offsets += polytope.normals * shift;
-  const Eigen::VectorXd lengths = polytope.normals.rowwise().norm();
-  polytope.normals.array().colwise() /= lengths.array();
-  polytope.offsets.array() /= lengths.array();
-  *inside = map * (uniform(rng, 0.0, 0.1999) * direction(rng)) + shift;
-  return polytope;
-}
-
-void expect_inside(const Polytope& polytope, const Ellipsoid& e) {
-  ASSERT_EQ(e.shape, e.shape.transpose());
-  ASSERT_GT(Eigen::SelfAdjointEigenSolver<Matrix3d>(e.shape).eigenvalues().minCoeff(), 0.0);
-  for (int i = 0; i < polytope.num_faces(); ++i) {
-    const Vector3d n = polytope.normals.row(i);
-    ASSERT_LE(n.dot(e.center) + (e.shape * n).norm(), polytope.offsets(i) + 1e-12) << "face " << i;
-  }
-}
-
-// The same problem by NLopt's SLSQP over (L, d), shape L L' (L lower triangular): largest log det, from `inside` in the
-// unit of its ball.
-double nlopt_log_volume(const Polytope& polytope, const Vector3d& inside) {
-  struct Problem {
-    const Polytope* polytope;
-    static Matrix3d lower(const double* y) {
-      Matrix3d L;
-      L << y[0], 0, 0, y[1], y[2], 0, y[3], y[4], y[5];
-      return L;
-    }
-    static double objective(unsigned, const double* y, double* gradient, void*) {
-      if (gradient != nullptr) {
-        std::fill(gradient, gradient + 9, 0.0);
-        for (const int k : {0, 2, 5}) gradient[k] = -1.0 / y[k];
-      }
-      return -std::log(y[0]) - std::log(y[2]) - std::log(y[5]);
-    }
-    static void faces(unsigned m, double* result, unsigned, const double* y, double* gradient, void* data) {
-      const Polytope& p = *static_cast<Problem*>(data)->polytope;
-      const Vector3d d(y[6], y[7], y[8]);
-      for (unsigned i = 0; i < m; ++i) {
-        const Vector3d n = p.normals.row(i), w = lower(y).transpose() * n;
-        result[i] = w.norm() + n.dot(d) - p.offsets(i);
-        if (gradient == nullptr) continue;
-        const Vector3d v = w.normalized();
-        const double row[9] = {v(0) * n(0), v(0) * n(1), v(1) * n(1), v(0) * n(2), v(1) * n(2),
-                               v(2) * n(2), n(0),        n(1),        n(2)};
-        std::copy(row, row + 9, gradient + 9 * i);
-      }
-    }
-  } problem{&polytope};
-  const double radius = 0.5 * -polytope.violation(inside);
-  std::vector<double> y = {radius, 0, radius, 0, 0, radius, inside.x(), inside.y(), inside.z()};
-  nlopt::opt solver(nlopt::LD_SLSQP, 9);
-  std::vector<double> least(9, -HUGE_VAL);
-  for (const int k : {0, 2, 5}) least[k] = 1e-4;
-  solver.set_lower_bounds(least);
-  solver.set_min_objective(&Problem::objective, nullptr);
-  solver.add_inequality_mconstraint(&Problem::faces, &problem, std::vector<double>(polytope.num_faces(), 1e-9));
-  solver.set_xtol_rel(1e-8);
-  solver.set_maxeval(2000);
-  double value = 0.0;
-  try {
-    solver.optimize(y, value);
-  } catch (const std::runtime_error&) {  // as near as it gets: judged by its constraints below
-  }
-  std::vector<double> violations(polytope.num_faces());
-  Problem::faces(static_cast<unsigned>(violations.size()), violations.data(), 9, y.data(), nullptr, &problem);
-  const bool feasible = *std::max_element(violations.begin(), violations.end()) < 1e-6;
-  return feasible ? -Problem::objective(9, y.data(), nullptr, nullptr) : -INFINITY;
-}
-
-TEST(InscribedEllipsoid, MatchesNloptWithinAPercent) {
-  Rng rng(7);
-  int compared = 0;
-  for (int trial = 0; trial < 400; ++trial) {
-    Vector3d inside;
-    const Polytope polytope = random_polytope(rng, &inside);
-    SCOPED_TRACE(testing::Message() << "trial " << trial << "\nnormals\n"
-                                    << polytope.normals << "\noffsets " << polytope.offsets.transpose() << "\ninside "
-                                    << inside.transpose());
-    Ellipsoid e;
-    ASSERT_TRUE(inscribed_ellipsoid(polytope, inside, &e));
-    ASSERT_NO_FATAL_FAILURE(expect_inside(polytope, e));
-    const double reference = nlopt_log_volume(polytope, inside);
-    compared += std::isfinite(reference);
-    ASSERT_GE(std::log(e.shape.determinant()), reference - 0.01);
-  }
-  EXPECT_GT(compared, 350);
-}
-
-TEST(InscribedEllipsoid, KnownAnswers) {
-  Polytope box;
-  box.normals.resize(6, 3);
-  box.normals << Matrix3d::Identity(), -Matrix3d::Identity();
-  for (const Vector3d& half : {Vector3d(1, 1, 1), Vector3d(0.01, 1, 30), Vector3d(2, 0.5, 2)}) {
-    const Vector3d center(3, -1, 2);
-    box.offsets.resize(6);
-    box.offsets << half + center, half - center;
-    Ellipsoid e;
-    ASSERT_TRUE(inscribed_ellipsoid(box, center + 0.7 * half, &e));
-    expect_inside(box, e);
-    EXPECT_GT(e.shape.determinant(), 0.99 * half.prod());
-    EXPECT_LT(((e.center - center).array() / half.array()).abs().maxCoeff(), 0.05);
-  }
-  // The simplex x, y, z >= 0, x + y + z <= 1: its Steiner inellipsoid has the fraction pi / (6 sqrt 3) of its volume
-  // 1/6.
-  Polytope simplex;
-  simplex.normals.resize(4, 3);
-  simplex.normals << -Matrix3d::Identity(), Eigen::RowVector3d::Constant(1.0 / std::sqrt(3.0));
-  simplex.offsets.resize(4);
-  simplex.offsets << Vector3d::Zero(), 1.0 / std::sqrt(3.0);
-  Ellipsoid e;
-  ASSERT_TRUE(inscribed_ellipsoid(simplex, Vector3d(0.6, 0.05, 0.2), &e));
-  expect_inside(simplex, e);
-  const double exact = 1.0 / (48.0 * std::sqrt(3.0));  // det B
-  EXPECT_NEAR(e.shape.determinant() / exact, 1.0, 0.01);
-  EXPECT_LT((e.center - Vector3d::Constant(0.25)).norm(), 0.01);
-}
-
-TEST(InscribedEllipsoid, RefusesAPointNotInside) {
-  Rng rng(8);
-  for (int trial = 0; trial < 50; ++trial) {
-    Vector3d inside;
-    const Polytope polytope = random_polytope(rng, &inside);
-    const Vector3d on_face = inside + polytope.normals.row(0).transpose() *
-                                          (polytope.offsets(0) - polytope.normals.row(0).dot(inside.transpose()));
-    Ellipsoid e;
-    EXPECT_FALSE(inscribed_ellipsoid(polytope, on_face + 0.01 * polytope.normals.row(0).transpose(), &e));
-  }
-  Ellipsoid e;
-  EXPECT_FALSE(inscribed_ellipsoid(Polytope{}, Vector3d::Zero(), &e));
-}
-
-// Slivers strain the arithmetic; the ellipsoid must be inside all the same.
-TEST(InscribedEllipsoid, StaysInsideSlivers) {
-  Polytope box;
-  box.normals.resize(6, 3);
-  box.normals << Matrix3d::Identity(), -Matrix3d::Identity();
-  for (const double thin : {1e-2, 1e-4, 1e-6, 1e-9}) {
-    const Vector3d half(thin, 1.0, 2.0);
-    box.offsets.resize(6);
-    box.offsets << half, half;
-    Ellipsoid e;
-    ASSERT_TRUE(inscribed_ellipsoid(box, 0.3 * half, &e));
-    expect_inside(box, e);
-    if (thin >= 1e-6) {
-      EXPECT_GT(e.shape.determinant(), 0.99 * half.prod()) << thin;
-    }
-  }
 }
 
 }  // namespace

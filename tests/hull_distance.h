@@ -1,33 +1,40 @@
-// Exact distance to the convex hull of a piece's control points, by enumeration.
+// Exact distance to the convex hull of a few points, by enumeration.
 #pragma once
 
 #include <Eigen/Core>
-#include <Eigen/QR>
+#include <Eigen/Geometry>
 #include <algorithm>
-#include <bit>
 #include <cmath>
-
-#include "planner_daemon/trajectory.h"
 
 namespace swarm {
 
-// By Caratheodory the nearest point is a combination of at most four of them, and the nearest on their affine hull.
-inline double distance_to_hull(const ControlPoints& points, const Eigen::Vector3d& from) {
+// Least over all their vertices, edges and triangles; zero in a tetrahedron.
+inline double distance_to_hull(const Eigen::Matrix3Xd& points, const Eigen::Vector3d& p) {
+  using Eigen::Vector3d;
+  const int n = static_cast<int>(points.cols());
   double least = INFINITY;
-  for (unsigned subset = 1; subset < 64; ++subset) {
-    const int count = std::popcount(subset);
-    if (count > 4) continue;
-    Eigen::MatrixXd chosen(3, count);
-    for (int k = 0, column = 0; k < 6; ++k) {
-      if (subset >> k & 1) chosen.col(column++) = points.col(k) - from;
-    }
-    Eigen::MatrixXd system = Eigen::MatrixXd::Ones(count + 1, count + 1);
-    system.topLeftCorner(count, count) = chosen.transpose() * chosen;
-    system(count, count) = 0.0;
-    const Eigen::VectorXd one = Eigen::VectorXd::Unit(count + 1, count);
-    const Eigen::VectorXd weights = system.completeOrthogonalDecomposition().solve(one).head(count);
-    if (weights.minCoeff() > -1e-12 && std::abs(weights.sum() - 1.0) < 1e-9) {
-      least = std::min(least, (chosen * weights).norm());
+  for (int a = 0; a < n; ++a) {
+    const Vector3d A = points.col(a) - p;
+    least = std::min(least, A.norm());
+    for (int b = a + 1; b < n; ++b) {
+      const Vector3d B = points.col(b) - p, ab = B - A;
+      if (ab.norm() > 0) least = std::min(least, (A + std::clamp(-A.dot(ab) / ab.squaredNorm(), 0.0, 1.0) * ab).norm());
+      for (int c = b + 1; c < n; ++c) {
+        const Vector3d C = points.col(c) - p, cross = ab.cross(C - A);
+        if (cross.norm() > 1e-12) {
+          const Vector3d normal = cross.normalized(), foot = normal * normal.dot(A);
+          const double u = (B - foot).cross(C - foot).dot(normal), v = (C - foot).cross(A - foot).dot(normal),
+                       w = (A - foot).cross(B - foot).dot(normal);
+          if (u >= 0 && v >= 0 && w >= 0) least = std::min(least, foot.norm());
+        }
+        for (int d = c + 1; d < n; ++d) {
+          const Vector3d D = points.col(d) - p;
+          const double volume = (B - A).cross(C - A).dot(D - A);
+          if (std::abs(volume) < 1e-12) continue;
+          const double parts[4] = {B.cross(C).dot(D), -A.cross(C).dot(D), A.cross(B).dot(D), -A.cross(B).dot(C)};
+          if (std::all_of(parts, parts + 4, [&](double part) { return part / volume >= 0; })) return 0.0;
+        }
+      }
     }
   }
   return least;

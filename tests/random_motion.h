@@ -30,6 +30,12 @@ inline Eigen::Vector3d in_cube(Rng& rng, double half) {
   return in_box(rng, Eigen::Vector3d::Constant(-half), Eigen::Vector3d::Constant(half));
 }
 
+inline Eigen::Vector3d direction(Rng& rng) {
+  std::normal_distribution<double> normal;
+  const double x = normal(rng), y = normal(rng), z = normal(rng);
+  return Eigen::Vector3d(x, y, z).normalized();
+}
+
 inline MotionState random_state(Rng& rng, double half_m, double speed_mps, double acceleration_mps2) {
   MotionState state;
   state.position = in_cube(rng, half_m);
