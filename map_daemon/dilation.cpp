@@ -10,44 +10,36 @@
 namespace swarm {
 namespace {
 
-// out = in, and its neighbours along z; `below` and `above` are the adjacent words of the same columns.
+// out = in, and its neighbours along z, as far as `inside` goes; `below` and `above` are the adjacent words of the same
+// columns.
 SWARM_WIDE void spread_by_one(const std::uint64_t* __restrict in, const std::uint64_t* __restrict below,
-                              const std::uint64_t* __restrict above, int n, std::uint64_t* __restrict out) {
-  for (int i = 0; i < n; ++i) out[i] = in[i] | in[i] << 1 | in[i] >> 1 | below[i] >> 63 | above[i] << 63;
+                              const std::uint64_t* __restrict above, std::uint64_t inside, std::size_t n,
+                              std::uint64_t* __restrict out) {
+  for (std::size_t i = 0; i < n; ++i)
+    out[i] = (in[i] | in[i] << 1 | in[i] >> 1 | below[i] >> 63 | above[i] << 63) & inside;
 }
 
-SWARM_WIDE void or_two(const std::uint64_t* a, const std::uint64_t* b, int n, std::uint64_t* __restrict out) {
-  for (int i = 0; i < n; ++i) out[i] |= a[i] | b[i];
+// For columns of one word.
+SWARM_WIDE void spread_by_one(const std::uint64_t* __restrict in, std::uint64_t inside, std::size_t n,
+                              std::uint64_t* __restrict out) {
+  for (std::size_t i = 0; i < n; ++i) out[i] = (in[i] | in[i] << 1 | in[i] >> 1) & inside;
 }
 
-SWARM_WIDE void or_strided(const std::uint64_t* __restrict in, int n, int stride, std::uint64_t* __restrict out) {
-  if (stride == 1) {
-    for (int i = 0; i < n; ++i) out[i] |= in[i];
-  } else {
-    for (int i = 0; i < n; ++i) out[i] |= in[static_cast<std::size_t>(i) * stride];
-  }
-}
-
-SWARM_WIDE std::uint64_t or_all(const std::uint64_t* in, int n) {
+SWARM_WIDE std::uint64_t or_all(const std::uint64_t* in, std::size_t n) {
   std::uint64_t any = 0;
-  for (int i = 0; i < n; ++i) any |= in[i];
+  for (std::size_t i = 0; i < n; ++i) any |= in[i];
   return any;
 }
 
-SWARM_WIDE void or_masked(const std::uint64_t* __restrict in, std::uint64_t mask, int n, int stride,
-                          std::uint64_t* __restrict out) {
-  if (stride == 1) {
-    for (int i = 0; i < n; ++i) out[i] |= in[i] & mask;
+void copy_strided(const std::uint64_t* in, int in_stride, int n, int out_stride, std::uint64_t* out) {
+  if (in_stride == 1 && out_stride == 1) {
+    std::copy_n(in, n, out);
   } else {
-    for (int i = 0; i < n; ++i) out[static_cast<std::size_t>(i) * stride] |= in[i] & mask;
+    for (int i = 0; i < n; ++i) out[i * out_stride] = in[i * in_stride];
   }
 }
 
 }  // namespace
-
-std::uint64_t* Dilator::spread_row(int h, int w) {
-  return spread_.data() + (static_cast<std::size_t>(h) * (words_ + 2) + w + 1) * (columns_ + 2 * reach_y_);
-}
 
 void Dilator::shape_ball(const GridGeometry& geometry, double radius_m) {
   if (!(std::isfinite(radius_m) && radius_m >= 0.0)) {
@@ -66,109 +58,87 @@ void Dilator::shape_ball(const GridGeometry& geometry, double radius_m) {
   for (int i = 0; i <= reach_x_; ++i) {
     for (int j = 0; j <= reach_y_; ++j) half_widths_.push_back(half(i * i + j * j, geometry.size.z()));
   }
-  columns_ = geometry.size.y();
   words_ = geometry.words_per_column();
-  spread_.assign(static_cast<std::size_t>(reach_z_ + 1) * (words_ + 2) * (columns_ + 2 * reach_y_), 0);
-  disc_.resize(static_cast<std::size_t>(columns_));
 }
 
-void Dilator::clear(const Sogm& in) {
-  const bool same = out_.geometry.size == in.geometry.size && out_.num_frames == in.num_frames && !out_.words.empty();
-  if (!same) {
-    out_.reset(in.geometry, in.num_frames, in.start_utime, in.frame_duration_us);
-    written_.assign(static_cast<std::size_t>(in.num_frames), {});
-    return;
-  }
-  out_.geometry = in.geometry;
-  out_.start_utime = in.start_utime;
-  out_.frame_duration_us = in.frame_duration_us;
-  for (int frame = 0; frame < in.num_frames; ++frame) {
-    const Columns& columns = written_[static_cast<std::size_t>(frame)];
-    for (int x = columns.first.x(); x <= columns.last.x(); ++x) {
-      std::fill_n(out_.column(frame, x, columns.first.y()), (columns.last.y() - columns.first.y() + 1) * words_, 0);
-    }
-  }
-}
-
-bool Dilator::load_row(const Sogm& in, int frame, int frames_before, int x, int from_y) {
+bool Dilator::load(const Sogm& in, int frame, const Columns& columns) {
+  const Eigen::Vector3i& size = in.geometry.size;
+  const int low_x = columns.first.x() - reach_x_, low_y = columns.first.y() - reach_y_;
+  const int num_rows = columns.last.x() + reach_x_ - low_x + 1;
+  row_ = static_cast<std::size_t>(columns.width() + 2 * reach_y_);
+  plane_size_ = row_ * static_cast<std::size_t>(num_rows);
+  const std::size_t needed = static_cast<std::size_t>(reach_z_ + 1) * (words_ + 2) * plane_size_;
+  if (planes_.size() < needed) planes_.resize(needed);
+  const int first_y = std::max(0, low_y), last_y = std::min(size.y() - 1, columns.last.y() + reach_y_);
+  const bool clipped = first_y > low_y || last_y < columns.last.y() + reach_y_;
   std::uint64_t any = 0;
   for (int w = 0; w < words_; ++w) {
-    std::uint64_t* out = spread_row(0, w) + reach_y_;
-    std::fill_n(out, columns_, 0);
-    for (int before = 0; before <= std::min(frame, frames_before); ++before)
-      or_strided(in.column(frame - before, x, from_y) + w, columns_, words_, out);
-    any |= or_all(out, columns_);
+    for (int i = 0; i < num_rows; ++i) {
+      std::uint64_t* out = plane(0, w) + static_cast<std::size_t>(i) * row_;
+      const int x = low_x + i;
+      const bool known = x >= 0 && x < size.x();
+      if (!known || clipped) std::fill_n(out, row_, 0);
+      if (known) copy_strided(in.column(frame, x, first_y) + w, words_, last_y - first_y + 1, 1, out + first_y - low_y);
+    }
+    any |= or_all(plane(0, w), plane_size_);
   }
   if (any == 0) return false;
+  const int tail = size.z() % 64;
+  const std::uint64_t all = ~std::uint64_t{0}, top = tail != 0 ? (std::uint64_t{1} << tail) - 1 : all;
   for (int h = 1; h <= reach_z_; ++h) {
+    if (words_ == 1) {
+      spread_by_one(plane(h - 1, 0), top, plane_size_, plane(h, 0));
+      continue;
+    }
+    for (const int w : {-1, words_}) std::fill_n(plane(h - 1, w), plane_size_, 0);
     for (int w = 0; w < words_; ++w) {
-      spread_by_one(spread_row(h - 1, w), spread_row(h - 1, w - 1), spread_row(h - 1, w + 1), columns_ + 2 * reach_y_,
-                    spread_row(h, w));
+      spread_by_one(plane(h - 1, w), plane(h - 1, w - 1), plane(h - 1, w + 1), w == words_ - 1 ? top : all, plane_size_,
+                    plane(h, w));
     }
   }
   return true;
 }
 
-void Dilator::dilate_frame(const Sogm& in, int frame, int frames_before, const Columns& columns) {
-  const Eigen::Vector3i& size = in.geometry.size;
-  const int tail = size.z() % 64, first_y = columns.first.y(), n = columns.last.y() - first_y + 1;
-  const std::uint64_t top_mask = tail == 0 ? ~std::uint64_t{0} : (std::uint64_t{1} << tail) - 1;
-  const int from_y = std::max(0, first_y - reach_y_), to_y = std::min(size.y() - 1, columns.last.y() + reach_y_);
-  columns_ = to_y - from_y + 1;
-  std::fill(spread_.begin(), spread_.end(), 0);  // the rows' margins lie elsewhere when `columns_` changes
-  const int from_x = std::max(0, columns.first.x() - reach_x_);
-  const int to_x = std::min(size.x() - 1, columns.last.x() + reach_x_);
-  for (int x = from_x; x <= to_x; ++x) {
-    if (!load_row(in, frame, frames_before, x, from_y)) continue;
-    for (int i = 0; i <= reach_x_; ++i) {  // one plane of the ball serves the rows x - i and x + i
-      const bool lower = x - i >= columns.first.x() && x - i <= columns.last.x();
-      const bool upper = i > 0 && x + i >= columns.first.x() && x + i <= columns.last.x();
-      if (!lower && !upper) continue;
-      for (int w = 0; w < words_; ++w) {
-        std::fill(disc_.begin(), disc_.end(), 0);
-        for (int j = 0; j <= reach_y_ && half_width(i, j) >= 0; ++j) {
-          const std::uint64_t* source = spread_row(half_width(i, j), w) + reach_y_;
-          or_two(source - j, source + j, columns_, disc_.data());
+void Dilator::dilate_columns(const Sogm& in, int frame, const Columns& columns) {
+  const bool any = load(in, frame, columns);
+  const int width = columns.width(), num_rows = columns.last.x() - columns.first.x() + 1;
+  const std::size_t first = static_cast<std::size_t>(reach_x_) * row_ + reach_y_;  // of the wanted columns in a plane
+  const std::size_t n = static_cast<std::size_t>(num_rows) * row_ - 2 * static_cast<std::size_t>(reach_y_);
+  if (sum_.size() < n) sum_.resize(n);
+  for (int w = 0; w < words_; ++w) {
+    if (any) {
+      sources_.clear();
+      for (int i = -reach_x_; i <= reach_x_; ++i) {
+        for (int j = -reach_y_; j <= reach_y_; ++j) {
+          if (half_width(i, j) < 0) continue;
+          sources_.push_back(plane(half_width(i, j), w) + first + i * static_cast<std::ptrdiff_t>(row_) + j);
         }
-        const std::uint64_t mask = w == words_ - 1 ? top_mask : ~std::uint64_t{0};
-        const std::uint64_t* disc = disc_.data() + first_y - from_y;
-        if (lower) or_masked(disc, mask, n, words_, out_.column(frame, x - i, first_y) + w);
-        if (upper) or_masked(disc, mask, n, words_, out_.column(frame, x + i, first_y) + w);
       }
-    }
-  }
-}
-
-Dilator::Columns Dilator::reached(const Sogm& in, int frame, const Reach& reach) {
-  // The last frame stays in force after its end.
-  const bool last = frame + 1 == in.num_frames;
-  const double end_s = 1e-6 * static_cast<double>(in.start_utime + (frame + 1) * in.frame_duration_us - reach.utime);
-  if (end_s < 0.0 && !last) return {};
-  const double until_s = last ? reach.horizon_s : std::min(end_s, reach.horizon_s);
-  const double way_m = reach.speed_mps * until_s + in.geometry.resolution_m;
-  const Eigen::Vector3i end = in.geometry.size - Eigen::Vector3i::Ones();
-  return {in.geometry.voxel_of(reach.center.array() - way_m).cwiseMax(0).head<2>(),
-          in.geometry.voxel_of(reach.center.array() + way_m).cwiseMin(end).head<2>()};
-}
-
-const Sogm& Dilator::dilate(const Sogm& in, double radius_m, const Reach* reach, int frames_before) {
-  shape_ball(in.geometry, radius_m);
-  clear(in);
-  for (int frame = 0; frame < in.num_frames && !in.words.empty(); ++frame) {
-    Columns& columns = written_[static_cast<std::size_t>(frame)];
-    columns = {Eigen::Vector2i::Zero(), in.geometry.size.head<2>() - Eigen::Vector2i::Ones()};
-    if (reach != nullptr) columns = reached(in, frame, *reach);
-    if ((columns.first.array() > columns.last.array()).any()) {
-      columns = {};
+      or_words(sources_, n, sum_.data());
     } else {
-      dilate_frame(in, frame, frames_before, columns);
+      std::fill_n(sum_.begin(), n, 0);
+    }
+    for (int i = 0; i < num_rows; ++i) {
+      copy_strided(sum_.data() + static_cast<std::size_t>(i) * row_, 1, width, words_,
+                   out_.column(frame, columns.first.x() + i, columns.first.y()) + w);
     }
   }
-  return out_;
 }
 
-void dilate(const Sogm& in, double radius_m, Sogm* out, const Reach* reach) {
-  *out = Dilator().dilate(in, radius_m, reach);
+const Sogm& Dilator::dilate(const Sogm& in, double radius_m, const Reach* reach, double linger_s) {
+  shape_ball(in.geometry, radius_m);
+  out_.lay_out(in);
+  for (int frame = 0; frame < in.num_frames && !in.words.empty(); ++frame) {
+    const Columns columns = reach != nullptr ? reached(in, frame, *reach, linger_s) : all_columns(in.geometry);
+    out_.claim(frame, columns);
+    if (columns.empty()) continue;
+    dilate_columns(in, frame, columns);
+  }
+  return out_.map();
+}
+
+void dilate(const Sogm& in, double radius_m, Sogm* out) {
+  *out = Dilator().dilate(in, radius_m);
 }
 
 }  // namespace swarm

@@ -57,18 +57,4 @@ struct Sogm {
   int frame_at(std::int64_t utime) const;
 };
 
-// Where something can come to that is at `center` at `utime` and never faster than `speed_mps` along x or y, until
-// `horizon_s` later.
-struct Reach {
-  Eigen::Vector3d center = Eigen::Vector3d::Zero();  // W [m]
-  std::int64_t utime = 0;
-  double speed_mps = 0.0;
-  double horizon_s = 0.0;
-};
-
-// Configuration space, exact: a voxel of `out` is set when an occupied voxel of the same frame lies within `radius_m`
-// (<=) of it, centre to centre. `out` may not be `in`. Nothing outside the window is taken to be occupied. With a
-// `reach`, only what it comes to while a frame is in force; all else of that frame is clear.
-void dilate(const Sogm& in, double radius_m, Sogm* out, const Reach* reach = nullptr);
-
 }  // namespace swarm

@@ -2,15 +2,15 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "map_daemon/wide.h"
 
 namespace swarm {
 namespace {
 
-constexpr std::int16_t kFar = 30'000;      // [ticks], beside the window
-constexpr std::int16_t kLongest = 15'000;  // [ticks], any way after the last frame: more is not told apart
-constexpr int kTicksPerFrame = 16;
+constexpr std::int16_t kFar = 30'000;      // [ticks], beside the window, and the most that is told apart
+constexpr std::int16_t kLongest = 15'000;  // [ticks], any way after the last frame
 
 // The least of each value and its neighbours `step` before and after.
 SWARM_WIDE void least_of_three(const std::int16_t* __restrict in, std::size_t step, std::size_t n,
@@ -18,24 +18,37 @@ SWARM_WIDE void least_of_three(const std::int16_t* __restrict in, std::size_t st
   for (std::size_t i = 0; i < n; ++i) out[i] = std::min(in[i], std::min(in[i - step], in[i + step]));
 }
 
-SWARM_WIDE void least_of_rows(const std::int16_t* __restrict a, const std::int16_t* __restrict b,
-                              const std::int16_t* __restrict c, std::size_t n, std::int16_t* __restrict out) {
-  for (std::size_t i = 0; i < n; ++i) out[i] = std::min(a[i], std::min(b[i], c[i]));
+// The least of each value and those beside it, and `added`; no more than kFar and not below `rim`.
+SWARM_WIDE void least_of_rows(const std::int16_t* a, const std::int16_t* b, const std::int16_t* c,
+                              const std::int16_t* __restrict added, const std::int16_t* __restrict rim, std::size_t n,
+                              std::int16_t* __restrict out) {
+  for (std::size_t i = 0; i < n; ++i) {
+    const auto sum = static_cast<std::int16_t>(std::min(a[i], std::min(b[i], c[i])) + added[i]);
+    out[i] = std::max(std::min(sum, kFar), rim[i]);
+  }
 }
 
-void greatest_of(const std::int16_t* __restrict in, std::int16_t least, std::size_t n, std::int16_t* __restrict out) {
-  for (std::size_t i = 0; i < n; ++i) out[i] = std::max(in[i], least);
+// The larger one of the straight way and of `steps` around what stands still, after `passed` ticks.
+SWARM_WIDE void finish_column(const std::int16_t* __restrict straight, std::int16_t side,
+                              const std::int16_t* __restrict steps, float ticks_per_step, std::int16_t passed,
+                              std::size_t n, std::int16_t* __restrict out) {
+  for (std::size_t i = 0; i < n; ++i) {
+    const float ticks = std::min<float>(kLongest, static_cast<float>(steps[i]) * ticks_per_step + 0.5f);
+    const auto around = static_cast<std::int16_t>(static_cast<std::int32_t>(ticks));
+    out[i] = static_cast<std::int16_t>(std::max(std::max(straight[i], side), around) + passed);
+  }
 }
 
-// By the bits of eight cells: what each of them costs when its bit is set [ticks].
-struct PenaltyTable {
-  explicit PenaltyTable(std::int16_t penalty) {
-    for (std::size_t bits = 0; bits < 256; ++bits) {
-      for (std::size_t k = 0; k < 8; ++k) of[bits][k] = (bits >> k & 1) != 0 ? penalty : 0;
+// Adds the penalty to every cell whose bit is set: bit 2 k belongs to out[k].
+SWARM_WIDE void add_penalty(std::uint64_t bits, std::int16_t penalty, std::int16_t* out) {
+  for (; bits != 0; bits >>= 16, out += 8) {
+    const auto chunk = static_cast<std::uint16_t>(bits);
+    for (int k = 0; k < 8; ++k) {
+      const std::int16_t added = (chunk >> (2 * k) & 1) != 0 ? penalty : 0;
+      out[k] = static_cast<std::int16_t>(std::min<std::int16_t>(out[k], kFar) + added);
     }
   }
-  std::array<std::array<std::int16_t, 8>, 256> of;
-};
+}
 
 }  // namespace
 
@@ -66,13 +79,18 @@ void CostToGo::build(const Sogm& blocked, const Sogm& standing, const Reach& rea
     if (frame > first) box = grown(box, moves(frame - 1));
     boxes_[static_cast<std::size_t>(frame)] = box;
   }
-  finish(standing, goal, 1.0 / (reach.speed_mps * tick_s_), space_min, space_max);
+  finish(standing, goal, reach.speed_mps, space_min, space_max);
   for (int frame = num_frames_ - 1; frame >= first; --frame) {
-    const int n = moves(frame);
-    if (n == 0) copy(frame + 1, frame);
-    for (int move = 0; move < n; ++move)
-      spread(move == 0 ? frame + 1 : frame, frame, grown(boxes_[static_cast<std::size_t>(frame)], n - 1 - move));
-    pass_time(blocked, frame);
+    const int n = std::max(1, moves(frame));
+    for (int move = 0; move < n; ++move) {
+      const Box around = grown(boxes_[static_cast<std::size_t>(frame)], n - 1 - move);
+      if (moves(frame) == 0) {
+        stay(frame + 1, frame, around);
+      } else {
+        spread(move == 0 ? frame + 1 : frame, frame, around, move == n - 1 ? shut_ : open_);
+      }
+    }
+    close(blocked, frame);
   }
 }
 
@@ -93,7 +111,10 @@ void CostToGo::lay_out(const Sogm& blocked, const Eigen::Vector3d& goal, double 
     values_.assign(column(num_frames_, size_.x(), size_.y()) + 2 * stride_, kFar);
     along_z_.resize((static_cast<std::size_t>(size_.y()) + 2) * stride_);
     along_y_.resize(3 * along_z_.size());
-    open_.resize((static_cast<std::size_t>(size_.z()) + 63) / 64);
+    open_.assign(static_cast<std::size_t>(size_.y()) * stride_, 0);
+    rim_ = open_;
+    for (std::size_t i = 0; i < rim_.size(); ++i)
+      rim_[i] = i % stride_ < static_cast<std::size_t>(size_.z()) ? std::numeric_limits<Value>::min() : kFar;
   }
   for (int axis = 0; axis < 3; ++axis) {
     auto& straight = straight_[static_cast<std::size_t>(axis)];
@@ -108,42 +129,44 @@ void CostToGo::lay_out(const Sogm& blocked, const Eigen::Vector3d& goal, double 
 }
 
 // After the last frame only what stands still is in the way.
-void CostToGo::finish(const Sogm& standing, const Eigen::Vector3d& goal, double ticks_per_m,
+void CostToGo::finish(const Sogm& standing, const Eigen::Vector3d& goal, double speed_mps,
                       const Eigen::Vector3d& space_min, const Eigen::Vector3d& space_max) {
+  const std::vector<std::uint64_t> space =
+      cells_between(corner_.z(), 1.0 / inverse_cell_, size_.z(), space_min.z(), space_max.z());
+  in_space_.assign(static_cast<std::size_t>(standing.geometry.words_per_column()), 0);
+  shut_ = open_;
+  for (std::size_t z = 0; z < static_cast<std::size_t>(size_.z()); ++z) {
+    if ((space[z >> 6] >> (z & 63) & 1) != 0) {
+      in_space_[z >> 5] |= std::uint64_t{1} << (2 * z & 63);
+    } else {
+      for (std::size_t i = z; i < shut_.size(); i += stride_) shut_[i] = kPenalty;
+    }
+  }
   const bool guided = guidance_.build(standing, goal, space_min.z(), space_max.z());
-  space_ = cells_between(corner_.z(), 1.0 / inverse_cell_, size_.z(), space_min.z(), space_max.z());
+  const std::vector<Value> unguided(straight_[2].size(), 0);
+  const auto passed = static_cast<Value>(num_frames_ * kTicksPerFrame);
+  const auto ticks_per_step = static_cast<float>(1.0 / (speed_mps * tick_s_ * inverse_cell_));
   const Box& box = boxes_.back();
   for (int x = box.first.x(); x <= box.last.x(); ++x) {
     for (int y = box.first.y(); y <= box.last.y(); ++y) {
-      Value* out = values_.data() + column(num_frames_, x, y);
       const Value side = std::max(straight_[0][static_cast<std::size_t>(x)], straight_[1][static_cast<std::size_t>(y)]);
-      greatest_of(straight_[2].data(), side, straight_[2].size(), out);
-      for (int z = 0; guided && z < size_.z(); ++z) {
-        const double way_ticks = std::min<double>(kLongest, guidance_.way_m(x, y, z) * ticks_per_m);
-        out[z] = std::max(out[z], static_cast<Value>(way_ticks));
-      }
+      finish_column(straight_[2].data(), side, guided ? guidance_.steps(x, y) : unguided.data(), ticks_per_step, passed,
+                    straight_[2].size(), values_.data() + column(num_frames_, x, y));
     }
   }
 }
 
-// Keeps columns from mixing: far cells on top of each.
-void CostToGo::separate(Value* columns, std::size_t n) const {
-  for (std::size_t i = 0; i < n; i += stride_) std::fill(columns + i + size_.z(), columns + i + stride_, kFar);
-}
-
-// The point stays: a frame too short for one cell.
-void CostToGo::copy(int from, int to) {
-  const Box& box = boxes_[static_cast<std::size_t>(to)];
+// The point stays where it is: a frame too short for one cell.
+void CostToGo::stay(int from, int to, const Box& box) {
   const std::size_t n = static_cast<std::size_t>(std::max(0, box.last.y() - box.first.y() + 1)) * stride_;
   for (int x = box.first.x(); x <= box.last.x(); ++x) {
-    Value* out = values_.data() + column(to, x, box.first.y());
-    std::copy_n(values_.data() + column(from, x, box.first.y()), n, out);
-    separate(out, n);
+    const Value* in = values_.data() + column(from, x, box.first.y());
+    least_of_rows(in, in, in, shut_.data(), rim_.data(), n, values_.data() + column(to, x, box.first.y()));
   }
 }
 
 // One move: the least value of each cell and its neighbours.
-void CostToGo::spread(int from, int to, const Box& box) {
+void CostToGo::spread(int from, int to, const Box& box, const std::vector<Value>& added) {
   const int first_y = box.first.y(), n_y = box.last.y() - first_y + 1;
   if (n_y <= 0) return;
   const std::size_t n = static_cast<std::size_t>(n_y) * stride_;
@@ -152,31 +175,34 @@ void CostToGo::spread(int from, int to, const Box& box) {
     least_of_three(values_.data() + column(from, x, first_y - 1), 1, n + 2 * stride_, along_z_.data());
     least_of_three(along_z_.data() + stride_, stride_, n, row(x));
     if (x <= box.first.x()) continue;
-    Value* out = values_.data() + column(to, x - 1, first_y);
-    least_of_rows(row(x - 2), row(x - 1), row(x), n, out);
-    separate(out, n);
+    least_of_rows(row(x - 2), row(x - 1), row(x), added.data(), rim_.data(), n,
+                  values_.data() + column(to, x - 1, first_y));
   }
 }
 
-// A frame goes by in each cell; at the goal it is over.
-void CostToGo::pass_time(const Sogm& blocked, int frame) {
-  static const PenaltyTable kPenalties(static_cast<Value>(kClosedFrames * kTicksPerFrame));
+// What a frame adds to closed cells; at the goal the time stands still.
+void CostToGo::close(const Sogm& blocked, int frame) {
   const Box& box = boxes_[static_cast<std::size_t>(frame)];
+  const Eigen::Vector3i& size = blocked.geometry.size;
+  const int words = blocked.geometry.words_per_column(), tail = size.z() % 64;
+  const std::uint64_t beyond = tail == 0 ? 0 : ~std::uint64_t{0} << tail;  // voxels above the window: never open
   for (int x = box.first.x(); x <= box.last.x(); ++x) {
+    const std::uint64_t* left = blocked.column(frame, 2 * x, 0);
+    const std::uint64_t* right = blocked.column(frame, std::min(2 * x + 1, size.x() - 1), 0);
     for (int y = box.first.y(); y <= box.last.y(); ++y) {
-      open_cells(blocked, frame, x, y, open_.data());
-      Value* out = values_.data() + column(frame, x, y);
-      for (std::size_t z = 0; z < straight_[2].size(); z += 8) {
-        const std::uint64_t open = open_[z >> 6] & space_[z >> 6];
-        const auto& penalty = kPenalties.of[~open >> (z & 63) & 0xff];
-        for (std::size_t k = 0; k < 8; ++k) {
-          out[z + k] = static_cast<Value>(out[z + k] + penalty[k] + kTicksPerFrame);
-        }
+      const int near = 2 * y * words, far = std::min(2 * y + 1, size.y() - 1) * words;
+      for (int w = 0; w < words; ++w) {
+        std::uint64_t closed = left[near + w] & left[far + w] & right[near + w] & right[far + w];
+        if (closed == 0) continue;
+        if (w == words - 1) closed |= beyond;
+        closed &= closed >> 1 & in_space_[static_cast<std::size_t>(w)];
+        if (closed != 0) add_penalty(closed, kPenalty, values_.data() + column(frame, x, y) + 32 * w);
       }
     }
   }
   if ((goal_.array() < box.first.array()).any() || (goal_.array() > box.last.array()).any()) return;
-  values_[column(frame, goal_.x(), goal_.y()) + static_cast<std::size_t>(goal_.z())] = 0;
+  values_[column(frame, goal_.x(), goal_.y()) + static_cast<std::size_t>(goal_.z())] =
+      static_cast<Value>(frame * kTicksPerFrame);
 }
 
 }  // namespace swarm

@@ -10,7 +10,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "map_daemon/sogm.h"
+#include "map_daemon/partial_sogm.h"
 #include "planner_daemon/guidance.h"
 
 namespace swarm {
@@ -36,12 +36,15 @@ class CostToGo {
   // Detour or wait ahead of a point in that cell at the start of that frame [s]; 0 for indices of -1.
   double delay_s(int frame, int x, int y, int z) const {
     if ((x | y | z) < 0) return 0.0;
-    return std::max(0, values_[column(frame, x, y) + static_cast<std::size_t>(z)] - straight(x, y, z)) * tick_s_;
+    const int ticks = values_[column(frame, x, y) + static_cast<std::size_t>(z)] - frame * kTicksPerFrame;
+    return std::max(0, ticks - straight(x, y, z)) * tick_s_;
   }
 
  private:
   using Value = std::int16_t;  // [ticks]
-  struct Box {                 // cells; the last ones included
+  static constexpr int kTicksPerFrame = 16;
+  static constexpr Value kPenalty = kClosedFrames * kTicksPerFrame;
+  struct Box {  // cells; the last ones included
     Eigen::Vector3i first = Eigen::Vector3i::Zero(), last = Eigen::Vector3i::Constant(-1);
   };
 
@@ -53,12 +56,11 @@ class CostToGo {
                      straight_[2][static_cast<std::size_t>(z)]});
   }
   void lay_out(const Sogm& blocked, const Eigen::Vector3d& goal, double speed_mps);
-  void finish(const Sogm& standing, const Eigen::Vector3d& goal, double ticks_per_m, const Eigen::Vector3d& space_min,
+  void finish(const Sogm& standing, const Eigen::Vector3d& goal, double speed_mps, const Eigen::Vector3d& space_min,
               const Eigen::Vector3d& space_max);
-  void separate(Value* columns, std::size_t n) const;
-  void copy(int from, int to);
-  void spread(int from, int to, const Box& box);
-  void pass_time(const Sogm& blocked, int frame);
+  void stay(int from, int to, const Box& box);
+  void spread(int from, int to, const Box& box, const std::vector<Value>& added);
+  void close(const Sogm& blocked, int frame);
 
   double inverse_cell_ = 5.0, tick_s_ = 0.01;
   std::int64_t start_utime_ = 0, frame_duration_us_ = 100'000;
@@ -69,9 +71,10 @@ class CostToGo {
   std::size_t stride_ = 0;                            // cells of a column, padded
   std::vector<Box> boxes_;                            // by frame: what is known
   std::array<std::vector<Value>, 3> straight_;        // by axis and cell
-  std::vector<std::uint64_t> space_;                  // cells of one column inside the flight space
-  std::vector<std::uint64_t> open_;                   // of one column
-  std::vector<Value> values_;                         // frame, x, y, z: time to the goal
+  std::vector<std::uint64_t> in_space_;               // of one column: bit 2 z of a cell inside the flight space
+  std::vector<Value> open_, shut_;                    // what a frame adds to a row of cells: nothing; outside the space
+  std::vector<Value> rim_;                            // of a row: kFar between the columns
+  std::vector<Value> values_;                         // frame, x, y, z: when the goal is reached, after the first frame
   std::vector<Value> along_z_, along_y_;              // rows of a frame
   Guidance guidance_;
 };

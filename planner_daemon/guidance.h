@@ -26,15 +26,10 @@ class Guidance {
   // Returns false, and gives no guidance, when nothing stands still in the window.
   bool build(const Sogm& standing, const Eigen::Vector3d& goal, double space_min_z, double space_max_z);
 
-  // Index along an axis of the cell that holds a coordinate [m]; -1 outside the window.
-  int cell_of(int axis, double coordinate) const {
-    const double cell = (coordinate - corner_[axis]) * inverse_cell_;
-    return cell >= 0.0 && cell < size_[axis] ? static_cast<int>(cell) : -1;
-  }
-  // Least way to the goal from a cell, as the largest of the axes' ways [m]; 0 in closed cells and for indices of -1.
-  double way_m(int x, int y, int z) const {
-    if ((x | y | z) < 0) return 0.0;
-    return std::max<int>(0, steps_[column(x, y) * static_cast<std::size_t>(size_.z()) + z]) * cell_m_;
+  // Least ways to the goal from the cells of a column [steps of one cell], as the largest of the axes' ways; below 0 in
+  // closed cells and where no way is known.
+  const std::int16_t* steps(int x, int y) const {
+    return steps_.data() + column(x, y) * static_cast<std::size_t>(size_.z());
   }
 
  private:
@@ -43,6 +38,10 @@ class Guidance {
     std::uint64_t bits;
   };
   std::size_t column(int x, int y) const { return static_cast<std::size_t>(x) * size_.y() + y; }
+  int cell_of(int axis, double coordinate) const {  // -1 outside the window
+    const double cell = (coordinate - corner_[axis]) * inverse_cell_;
+    return cell >= 0.0 && cell < size_[axis] ? static_cast<int>(cell) : -1;
+  }
   void open_space(const Sogm& standing, double space_min_z, double space_max_z);
   void seed(int x, int y, int w, std::uint64_t bits, const Eigen::Vector3d& goal);
   void reach(std::uint32_t word, std::uint64_t bits, int steps);

@@ -88,41 +88,56 @@ void Planner::lap(PlanStep step) {
 }
 
 void Planner::compose(const PlanRequest& request) {
-  occupied_ = *request.sogm;
-  for (const Peer& peer : *request.peers) {
-    const double reach = peer.radius_m + 0.5 * occupied_.geometry.resolution_m;
-    mark_swept_volume(peer.motion, reach, &occupied_);
-    if (!peer.announced.empty()) mark_swept_volume({peer.motion.committed, peer.announced}, reach, &occupied_);
-  }
+  const Sogm& sogm = *request.sogm;
   const SearchOptions& search = config_.search;
-  reach_ = {request.own.at(request.start_utime).position, request.start_utime, config_.limits.v_max,
-            1e-6 * search.piece_us * search.num_pieces};
+  const MotionState start = request.own.at(request.start_utime);
+  reach_ = {start.position,       request.start_utime, config_.limits.v_max, 1e-6 * search.piece_us * search.num_pieces,
+            config_.limits.a_max, start.velocity};
+  const double blocked_m = config_.radius_m + config_.clearance_m;
+  const int margin =
+      static_cast<int>(std::ceil(std::max(blocked_m, config_.radius_m + config_.tight_m) / sogm.geometry.resolution_m));
+  occupied_.lay_out(sogm);
+  for (int frame = 0; frame < sogm.num_frames; ++frame)
+    occupied_.copy(sogm, frame, reached(sogm, frame, reach_, config_.wake_s).grown(margin, sogm.geometry));
+  for (const Peer& peer : *request.peers) {
+    const double peer_m = peer.radius_m + 0.5 * sogm.geometry.resolution_m;
+    mark_swept_volume(peer.motion, peer_m, &occupied_);
+    if (!peer.announced.empty()) mark_swept_volume({peer.motion.committed, peer.announced}, peer_m, &occupied_);
+  }
   // Whatever moves away may turn and come back: its wake is avoided. The wake of what is reached lies farther back.
-  const auto wake =
-      static_cast<int>(std::llround(1e6 * config_.wake_s / static_cast<double>(occupied_.frame_duration_us)));
-  Reach before = reach_;
-  before.utime -= std::llround(1e6 * config_.wake_s);
-  before.horizon_s += config_.wake_s;
-  blocked_.dilate(occupied_, config_.radius_m + config_.clearance_m, &before);
-  wake_.dilate(blocked_.map(), 0.0, &reach_, wake);
+  const auto frames_back =
+      static_cast<int>(std::llround(1e6 * config_.wake_s / static_cast<double>(sogm.frame_duration_us)));
+  blocked_.dilate(occupied_.map(), blocked_m, &reach_, config_.wake_s);
+  wake_.accumulate(blocked_.map(), frames_back, reach_);
   near_.dilate(wake_.map(), config_.comfort_m, &reach_);
 }
 
 void Planner::dilate_emergency_zones() {
-  tight_.dilate(occupied_, config_.radius_m + config_.tight_m, &reach_);
-  contact_.dilate(occupied_, std::max(0.0, config_.radius_m - config_.contact_m), &reach_);
+  tight_.dilate(occupied_.map(), config_.radius_m + config_.tight_m, &reach_);
+  contact_.dilate(occupied_.map(), std::max(0.0, config_.radius_m - config_.contact_m), &reach_);
 }
 
-// Configuration space of what is occupied in every frame.
-void Planner::compose_standing() {
-  still_.reset(occupied_.geometry, 1, occupied_.start_utime, occupied_.frame_duration_us);
-  const std::size_t n = still_.words.size();
-  std::copy_n(occupied_.words.begin(), n, still_.words.begin());
-  for (int frame = 1; frame < occupied_.num_frames; ++frame) {
-    const std::uint64_t* words = occupied_.column(frame, 0, 0);
-    for (std::size_t i = 0; i < n; ++i) still_.words[i] &= words[i];
+// Configuration space of what is occupied in every frame, peers that hover among it.
+void Planner::compose_standing(const PlanRequest& request) {
+  const Sogm& sogm = *request.sogm;
+  still_.lay_out(sogm.geometry, 1, sogm.start_utime, sogm.num_frames * sogm.frame_duration_us);
+  still_.copy(sogm, 0, all_columns(sogm.geometry));
+  std::uint64_t* still = still_.column(0, 0, 0);
+  still_words_.clear();  // little is left of the first and the last frame together
+  const std::uint64_t* last = sogm.column(sogm.num_frames - 1, 0, 0);
+  for (std::size_t i = 0; i < static_cast<std::size_t>(sogm.geometry.words_per_frame()); ++i) {
+    still[i] &= last[i];
+    if (still[i] != 0) still_words_.push_back(i);
   }
-  standing_.dilate(still_, config_.radius_m + config_.clearance_m);
+  for (int frame = 1; frame + 1 < sogm.num_frames; ++frame) {
+    const std::uint64_t* words = sogm.column(frame, 0, 0);
+    for (const std::size_t i : still_words_) still[i] &= words[i];
+  }
+  for (const Peer& peer : *request.peers) {
+    if (peer.motion.end_utime() > sogm.start_utime) continue;
+    mark_swept_volume(peer.motion, peer.radius_m + 0.5 * sogm.geometry.resolution_m, &still_);
+  }
+  standing_.dilate(still_.map(), config_.radius_m + config_.clearance_m);
 }
 
 SearchStatus Planner::search(const PlanRequest& request) {
@@ -137,7 +152,7 @@ SearchStatus Planner::search(const PlanRequest& request) {
   problem.tight = &tight_.map();
   problem.contact = &contact_.map();
   const SearchLimits& limits = config_.limits;
-  compose_standing();
+  compose_standing(request);
   cost_to_go_.build(blocked, standing_.map(), reach_, request.goal, limits.space_min, limits.space_max);
   problem.cost_to_go = &cost_to_go_;
   in_danger_ =

@@ -80,7 +80,7 @@ class Planner {
  private:
   void compose(const PlanRequest& request);
   void dilate_emergency_zones();
-  void compose_standing();
+  void compose_standing(const PlanRequest& request);
   SearchStatus search(const PlanRequest& request);
   bool grow_corridors(const PlanRequest& request);
   bool optimize(const PlanRequest& request, Trajectory* smooth);
@@ -101,9 +101,12 @@ class Planner {
   std::vector<SplineQp> optimizers_;  // [n - 1]: for n pieces
   SplineProblem problem_;
   SplineSolution solution_;
-  Reach reach_;            // of the robot: all that the plan can touch
-  Sogm occupied_, still_;  // all obstacles and peers; what of them never moves
-  Dilator blocked_, near_, wake_, tight_, contact_, standing_;
+  Reach reach_;                           // of the robot: all that the plan can touch
+  PartialSogm occupied_;                  // obstacles and peers there
+  PartialSogm still_;                     // what of them does not move, in the whole window: one frame
+  std::vector<std::size_t> still_words_;  // of it, not clear
+  PartialSogm wake_;
+  Dilator blocked_, near_, tight_, contact_, standing_;
   SearchResult path_, fine_path_, quick_path_;
   PlanResult result_;
 };

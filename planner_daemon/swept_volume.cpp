@@ -7,11 +7,13 @@ namespace swarm {
 namespace {
 
 // Marks voxel centres within `radius` of the segment.
-void mark_capsule(const Eigen::Vector3d& from, const Eigen::Vector3d& to, double radius, int frame, Sogm* sogm) {
-  const GridGeometry& grid = sogm->geometry;
-  const Eigen::Vector3i low = grid.voxel_of(from.cwiseMin(to).array() - radius).cwiseMax(0);
-  const Eigen::Vector3i high =
-      grid.voxel_of(from.cwiseMax(to).array() + radius).cwiseMin(grid.size - Eigen::Vector3i::Ones());
+void mark_capsule(const Eigen::Vector3d& from, const Eigen::Vector3d& to, double radius, int frame, PartialSogm* sogm) {
+  const GridGeometry& grid = sogm->map().geometry;
+  const Columns& columns = sogm->written(frame);
+  const Eigen::Vector3i low = grid.voxel_of(from.cwiseMin(to).array() - radius)
+                                  .cwiseMax(Eigen::Vector3i(columns.first.x(), columns.first.y(), 0));
+  const Eigen::Vector3i high = grid.voxel_of(from.cwiseMax(to).array() + radius)
+                                   .cwiseMin(Eigen::Vector3i(columns.last.x(), columns.last.y(), grid.size.z() - 1));
   const Eigen::Vector3d along = to - from;
   const double inverse_length2 = 1.0 / std::max(along.squaredNorm(), 1e-12);
   for (int x = low.x(); x <= high.x(); ++x) {
@@ -40,10 +42,11 @@ double distance_from_chord(const ControlPoints& points) {
 
 }  // namespace
 
-void mark_swept_volume(const Motion& motion, double radius_m, Sogm* sogm) {
-  for (int frame = 0; frame < sogm->num_frames; ++frame) {
-    const std::int64_t begin = sogm->start_utime + frame * sogm->frame_duration_us;
-    const std::int64_t end = begin + sogm->frame_duration_us;
+void mark_swept_volume(const Motion& motion, double radius_m, PartialSogm* sogm) {
+  const Sogm& map = sogm->map();
+  for (int frame = 0; frame < map.num_frames; ++frame) {
+    const std::int64_t begin = map.start_utime + frame * map.frame_duration_us;
+    const std::int64_t end = sogm->written(frame).empty() ? begin : begin + map.frame_duration_us;
     for (std::int64_t from = begin; from < end;) {
       const std::int64_t to = std::min(motion.next_knot_after(from), end);
       const ControlPoints points = control_points_between(motion, from, to);

@@ -33,8 +33,8 @@ class PlainCostToGo {
       const Vector3d way_m = (goal - corner - cell_m * (cell.cast<double>().array() + 0.5).matrix()).cwiseAbs();
       const double ticks_per_m = kTicks / (frame_s * speed_mps);
       const int straight_ticks = static_cast<int>(std::round(way_m.maxCoeff() * ticks_per_m));
-      const double guided_m = guided ? guidance.way_m(cell.x(), cell.y(), cell.z()) : 0.0;
-      return std::min(kLongest, std::max(straight_ticks, static_cast<int>(guided_m * ticks_per_m)));
+      const double guided_m = guided ? cell_m * std::max(0, int{guidance.steps(cell.x(), cell.y())[cell.z()]}) : 0.0;
+      return std::min(kLongest, std::max(straight_ticks, static_cast<int>(std::floor(guided_m * ticks_per_m + 0.5))));
     });
     straight = table([&](const Vector3i& cell) {
       const Vector3d way_m = (goal - corner - cell_m * (cell.cast<double>().array() + 0.5).matrix()).cwiseAbs();

@@ -13,6 +13,7 @@
 #include <string>
 #include <vector>
 
+#include "map_daemon/dilation.h"
 #include "planner_daemon/cost_to_go.h"
 #include "planner_daemon/deconfliction.h"
 #include "tests/random_map.h"
@@ -380,8 +381,13 @@ TEST(PlannerTest, SmoothingLowersTheJerkOfTheSearchedPathInsideItsCorridors) {
                                              in_box(rng, {-4, -2, -0.8}, {4, 2, 0.8}));
     const PlanResult& result = planner.plan(request);
     if (result.outcome != PlanOutcome::kSmooth) continue;
-    Sogm blocked, near, tight, contact;
-    dilate(sogm, config.radius_m + config.clearance_m, &blocked);
+    const MotionState start = request.own.at(request.start_utime);
+    const Reach reach{start.position, request.start_utime,
+                      limits.v_max,   1e-6 * config.search.piece_us * config.search.num_pieces,
+                      limits.a_max,   start.velocity};
+    Dilator dilator;
+    const Sogm blocked = dilator.dilate(sogm, config.radius_m + config.clearance_m, &reach, config.wake_s);
+    Sogm near, tight, contact;
     dilate(blocked, config.comfort_m, &near);
     dilate(sogm, config.radius_m + config.tight_m, &tight);
     dilate(sogm, config.radius_m - config.contact_m, &contact);
@@ -394,7 +400,7 @@ TEST(PlannerTest, SmoothingLowersTheJerkOfTheSearchedPathInsideItsCorridors) {
     dilate(still, config.radius_m + config.clearance_m, &standing);
     SearchProblem problem;
     problem.fine = false;  // as the planner looks first
-    problem.start = request.own.at(request.start_utime);
+    problem.start = start;
     problem.start_utime = request.start_utime;
     problem.goal = request.goal;
     problem.blocked = &blocked;
@@ -403,8 +409,6 @@ TEST(PlannerTest, SmoothingLowersTheJerkOfTheSearchedPathInsideItsCorridors) {
     problem.tight = &tight;
     problem.contact = &contact;
     CostToGo cost_to_go;
-    const Reach reach{problem.start.position, request.start_utime, limits.v_max,
-                      1e-6 * config.search.piece_us * config.search.num_pieces};
     cost_to_go.build(blocked, standing, reach, request.goal, limits.space_min, limits.space_max);
     problem.cost_to_go = &cost_to_go;
     SearchResult path;

@@ -70,6 +70,28 @@ inline void mark_moving(Sogm* sogm, const Eigen::Vector3d& center, const Eigen::
   }
 }
 
+template <class Visit>
+void for_each_column(const GridGeometry& geometry, const Visit& visit) {
+  for (int x = 0; x < geometry.size.x(); ++x) {
+    for (int y = 0; y < geometry.size.y(); ++y) visit(x, y);
+  }
+}
+
+// Every voxel by itself.
+inline Sogm random_bits(const Eigen::Vector3i& size, int frames, double density, double resolution_m, Rng& rng) {
+  Sogm sogm;
+  sogm.reset({.resolution_m = resolution_m, .origin = {-7, 3, 1}, .size = size}, frames, 1000, 100'000);
+  std::bernoulli_distribution occupied(density);
+  for (int frame = 0; frame < frames; ++frame) {
+    for_each_column(sogm.geometry, [&](int x, int y) {
+      for (int z = 0; z < size.z(); ++z) {
+        if (occupied(rng)) set_voxel(&sogm, frame, {x, y, z});
+      }
+    });
+  }
+  return sogm;
+}
+
 // Balls and columns, half of them moving.
 inline Sogm random_map(Rng& rng, int obstacles, const Eigen::Vector3d& size_m, int frames, std::int64_t start_utime,
                        std::int64_t frame_us) {

@@ -9,6 +9,7 @@
 #include <sstream>
 #include <string>
 
+#include "map_daemon/dilation.h"
 #include "planner_daemon/kinodynamic_search.h"
 #include "tests/random_map.h"
 #include "tests/random_motion.h"

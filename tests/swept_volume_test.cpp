@@ -39,6 +39,14 @@ double bulge(const Motion& motion, std::int64_t from, std::int64_t to) {
   return largest;
 }
 
+// `sogm`, all its columns written.
+PartialSogm all_of(const Sogm& sogm) {
+  PartialSogm part;
+  part.lay_out(sogm);
+  for (int frame = 0; frame < sogm.num_frames; ++frame) part.copy(sogm, frame, all_columns(sogm.geometry));
+  return part;
+}
+
 Sogm random_window(Rng& rng) {
   GridGeometry geometry;
   geometry.resolution_m = uniform(rng, 0.08, 0.2);
@@ -56,7 +64,8 @@ TEST(SweptVolumeTest, MarksWhatTheMotionSweepsInEachFrameAndLittleMore) {
   int switches_inside_a_frame = 0;
   std::int64_t marked = 0, needed = 0;
   for (int trial = 0; trial < 60; ++trial) {
-    Sogm sogm = random_window(rng);
+    PartialSogm part = all_of(random_window(rng));
+    const Sogm& sogm = part.map();
     const Motion motion = random_motion(rng, kStart - uniform_int(rng, 0, 1'000'000), 2.0);
     const double radius = uniform(rng, 0.1, 0.5);
     SCOPED_TRACE(testing::Message() << "trial " << trial << ", radius " << radius << ", resolution "
@@ -64,7 +73,7 @@ TEST(SweptVolumeTest, MarksWhatTheMotionSweepsInEachFrameAndLittleMore) {
                                     << ", size " << sogm.geometry.size.transpose() << ", " << sogm.num_frames
                                     << " frames of " << sogm.frame_duration_us << "\n"
                                     << motion);
-    mark_swept_volume(motion, radius, &sogm);
+    mark_swept_volume(motion, radius, &part);
     const GridGeometry& grid = sogm.geometry;
     for (int frame = 0; frame < sogm.num_frames; ++frame) {
       const std::int64_t from = kStart + frame * sogm.frame_duration_us, to = from + sogm.frame_duration_us;
@@ -117,13 +126,15 @@ TEST(SweptVolumeTest, HoverTailFillsAllLaterFramesWithTheSameBall) {
   GridGeometry geometry;
   geometry.size = {20, 20, 20};
   sogm.reset(geometry, 4, kStart, 200'000);
-  mark_swept_volume({Trajectory::hover(1, kStart - 10'000'000, {1.0, 1.0, 1.0}), {}}, 0.3, &sogm);
+  PartialSogm part = all_of(sogm);
+  mark_swept_volume({Trajectory::hover(1, kStart - 10'000'000, {1.0, 1.0, 1.0}), {}}, 0.3, &part);
   for (int frame = 0; frame < 4; ++frame) {
     for (int x = 0; x < 20; ++x) {
       for (int y = 0; y < 20; ++y) {
         for (int z = 0; z < 20; ++z) {
           const double distance = (geometry.center_of({x, y, z}) - Vector3d(1, 1, 1)).norm();
-          ASSERT_EQ(sogm.occupied(frame, {x, y, z}), distance <= 0.3) << frame << ": " << x << ' ' << y << ' ' << z;
+          ASSERT_EQ(part.map().occupied(frame, {x, y, z}), distance <= 0.3)
+              << frame << ": " << x << ' ' << y << ' ' << z;
         }
       }
     }
@@ -136,12 +147,33 @@ TEST(SweptVolumeTest, AddsToWhatIsThereAndKeepsOffFarWindows) {
   geometry.size = {10, 10, 10};
   sogm.reset(geometry, 2, kStart, 200'000);
   sogm.column(1, 3, 4)[0] = 1u << 5;
-  const Sogm before = sogm;
-  mark_swept_volume({Trajectory::hover(1, kStart, {-5, 0, 50}), {}}, 0.3, &sogm);
-  EXPECT_EQ(sogm.words, before.words);
-  mark_swept_volume({Trajectory::hover(1, kStart, {0.85, 0.85, 0.85}), {}}, 0.1, &sogm);
-  EXPECT_TRUE(sogm.occupied(1, {3, 4, 5}));
-  EXPECT_TRUE(sogm.occupied(1, {8, 8, 8}));
+  PartialSogm part = all_of(sogm);
+  mark_swept_volume({Trajectory::hover(1, kStart, {-5, 0, 50}), {}}, 0.3, &part);
+  EXPECT_EQ(part.map().words, sogm.words);
+  mark_swept_volume({Trajectory::hover(1, kStart, {0.85, 0.85, 0.85}), {}}, 0.1, &part);
+  EXPECT_TRUE(part.map().occupied(1, {3, 4, 5}));
+  EXPECT_TRUE(part.map().occupied(1, {8, 8, 8}));
+}
+
+TEST(SweptVolumeTest, KeepsToTheWrittenColumns) {
+  Sogm sogm;
+  sogm.reset({.resolution_m = 0.1, .origin = {0, 0, 0}, .size = {20, 20, 20}}, 2, kStart, 200'000);
+  PartialSogm part;
+  part.lay_out(sogm);
+  const Columns columns{{8, 9}, {15, 10}};
+  part.claim(0, columns);
+  mark_swept_volume({Trajectory::hover(1, kStart, {1.0, 1.0, 1.0}), {}}, 0.3, &part);
+  int marked = 0;
+  for (int x = 0; x < 20; ++x) {
+    for (int y = 0; y < 20; ++y) {
+      const bool inside = x >= 8 && y >= 9 && y <= 10;
+      const double distance = (sogm.geometry.center_of({x, y, 9}) - Vector3d(1, 1, 1)).norm();
+      EXPECT_EQ(part.map().occupied(0, {x, y, 9}), inside && distance <= 0.3) << x << ' ' << y;
+      EXPECT_FALSE(part.map().occupied(1, {x, y, 9})) << "never claimed: " << x << ' ' << y;
+      marked += inside && distance <= 0.3;
+    }
+  }
+  EXPECT_GT(marked, 5);
 }
 
 }  // namespace
