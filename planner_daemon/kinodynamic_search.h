@@ -134,6 +134,7 @@ class KinodynamicSearch {
   };
 
   AxisOption make_option(int axis, double p, double v, double a, double a1, int frame) const;
+  double calm_down(double v, double a, double high) const;
   AxisOptions axis_options(int axis, const Node& node) const;
   // Cost of the zones one primitive passes; negative when it is blocked.
   double zone_cost(const AxisOption& x, const AxisOption& y, const AxisOption& z, int depth) const;

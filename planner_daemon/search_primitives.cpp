@@ -9,6 +9,14 @@ namespace {
 
 // What lies ahead counts less and less, for it can still be replanned: down to a least share after this long.
 constexpr double kFade_s = 1.0, kLeastFade = 0.05;
+constexpr double kOverspeed = 1.0025;  // of v_max: what a start in the middle of a piece may still rise to
+
+// Largest velocity during a primitive from (v, a > 0).
+double peak_velocity(double v, double a, double a1, double tau) {
+  if (a1 >= 0.0) return v + tau / 3 * (a + 2 * a1);
+  const double s = 1.0 - std::sqrt(a1 / (a1 - a));  // where the acceleration is 0
+  return v + tau * (a * s + (a1 - a) * (s * s - s * s * s / 3));
+}
 
 }  // namespace
 
@@ -56,13 +64,28 @@ KinodynamicSearch::AxisOption KinodynamicSearch::make_option(int axis, double p,
   return option;
 }
 
+// A start in the middle of a piece may rise above v_max before a primitive ends: the largest a1 <= `high` that prevents
+// it, or the least there is. By bisection: the peak grows with a1.
+double KinodynamicSearch::calm_down(double v, double a, double high) const {
+  const double limit = kOverspeed * limits_.v_max;
+  if (a <= 0.0 || peak_velocity(v, a, high, tau_) <= limit) return high;
+  double low = -a_lim_;
+  for (int i = 0; i < 12; ++i) {
+    const double middle = (low + high) / 2;
+    (peak_velocity(v, a, middle, tau_) <= limit ? low : high) = middle;
+  }
+  return low;
+}
+
 KinodynamicSearch::AxisOptions KinodynamicSearch::axis_options(int axis, const Node& node) const {
   const double p = node.state.position[axis], v = node.state.velocity[axis], a = node.state.acceleration[axis];
   const int frame = goal_frames_[static_cast<std::size_t>(node.depth)];
   // The largest and smallest a1 after which the next primitive can still keep the speed limit: v1 + tau/3 a1 <= v_max.
   const double drift = v + tau_ / 3 * a;
-  const double high = std::clamp((limits_.v_max - drift) / tau_, -a_lim_, a_lim_);
-  const double low = std::clamp((-limits_.v_max - drift) / tau_, -a_lim_, a_lim_);
+  double high = std::clamp((limits_.v_max - drift) / tau_, -a_lim_, a_lim_);
+  double low = std::clamp((-limits_.v_max - drift) / tau_, -a_lim_, a_lim_);
+  if (drift > limits_.v_max) high = calm_down(v, a, high);
+  if (drift < -limits_.v_max) low = -calm_down(-v, -a, -low);
   const double rest = std::clamp(-drift / tau_, low, high);  // at rest one primitive later, or as near as may be
   const double gentle = problem_.fine && std::abs(v) < 0.5 * options_.slow_mps ? 0.25 * a_lim_ : 0.0;
   AxisOptions options;

@@ -203,6 +203,40 @@ void check_clearance(const SearchResult& result, const SearchProblem& problem, c
   }
 }
 
+// In the middle of a piece the acceleration may be too large for the speed: it is taken back at once.
+TEST(KinodynamicSearchTest, AStartThatStillRisesHardlyPassesTheSpeedLimit) {
+  Rng rng(8);
+  const Scene scene(empty_map({9, 9, 2}, 0.1, 20, kStart, 100'000));
+  const SearchLimits limits;
+  KinodynamicSearch search(limits, SearchOptions{});
+  SearchResult path;
+  int rising = 0;
+  for (int trial = 0; trial < 400; ++trial) {
+    MotionState start;
+    const int axis = trial % 3;
+    const double sign = trial % 2 == 0 ? 1 : -1, v = uniform(rng, 1.5, 2.0), a = uniform(rng, 0.0, 4.0);
+    // Full braking within a primitive, a(s) = a - (a + 5.88)(2 s - s^2), on a fine grid.
+    double least_peak = v, at = v;
+    for (int i = 0; i < 2000; ++i) {
+      const double s = (i + 0.5) / 2000;
+      at += 0.2 / 2000 * (a - (a + 5.88) * (2 * s - s * s));
+      least_peak = std::max(least_peak, at);
+    }
+    if (v + 0.2 / 3 * a <= limits.v_max) continue;
+    ++rising;
+    start.velocity[axis] = sign * v;
+    start.acceleration[axis] = sign * a;
+    search.find(scene.problem(start, kStart, 50 * sign * Vector3d::Unit(axis)), &path);
+    double fastest = 0.0;
+    Trajectory raw(0, kStart, 200'000, path.num_pieces);
+    for (int k = 0; k <= path.num_pieces; ++k) raw.set_knot(k, path.knots[static_cast<std::size_t>(k)]);
+    for (std::int64_t t = kStart; t < raw.end_utime(); t += 1000)
+      fastest = std::max(fastest, std::abs(raw.at(t).velocity[axis]));
+    EXPECT_LE(fastest, std::max(1.0025 * limits.v_max, least_peak) + 0.002) << v << ' ' << a;
+  }
+  EXPECT_GT(rising, 100);
+}
+
 TEST(KinodynamicSearchTest, PathsThroughRandomMapsAreFreeAndWithinLimits) {
   Rng rng(5);
   const SearchLimits limits;
