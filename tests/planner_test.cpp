@@ -356,6 +356,36 @@ TEST(PlannerTest, KeepsTheOwnMotionWhenNoPlanIsBetter) {
   ASSERT_NO_FATAL_FAILURE(check_plan(flown, request, config));
 }
 
+// A search that gets stuck early does not replace what an earlier one found, unless it ends nearer to the goal.
+TEST(PlannerTest, StuckItKeepsAnEarlierPlanThatEndsNearerToTheGoal) {
+  const Vector3d goal(8, 0.03, 0.02);
+  PlannerConfig config = flat_config();
+  Planner thorough(config);
+  config.search.max_expansions = 3;
+  Planner hasty(config);
+  const Sogm sogm = map_at(kStart);
+  PlanRequest request = make_request(sogm, hovering({-4, 0.03, 0.02}), goal);
+  const PlanResult& far = thorough.plan(request);
+  ASSERT_EQ(far.search_status, SearchStatus::kSurvives);
+  ASSERT_TRUE(far.fly);
+  EXPECT_TRUE(hasty.plan(request).fly) << "better than to hover";
+
+  request.own.next = far.trajectory;
+  request.start_utime += 100'000;
+  const PlanResult& near = hasty.plan(request);
+  EXPECT_EQ(near.search_status, SearchStatus::kSurvives);
+  EXPECT_NE(near.outcome, PlanOutcome::kUnsafe);
+  EXPECT_FALSE(near.fly);
+  EXPECT_TRUE(thorough.plan(request).fly) << "not stuck";
+  request.goal = {-8, 0.03, 0.02};
+  EXPECT_TRUE(hasty.plan(request).fly) << "the own motion flies away from the goal";
+  Sogm walled = sogm;
+  mark_box(&walled, {-1.0, -9, -9}, {-0.8, 9, 9});
+  request.sogm = &walled;
+  request.goal = goal;
+  EXPECT_TRUE(hasty.plan(request).fly) << "the own motion flies into a wall";
+}
+
 double jerk_integral(const Trajectory& trajectory) {
   double sum = 0.0;
   for (std::int64_t t = trajectory.start_utime() + 500; t < trajectory.end_utime(); t += 1000) {
