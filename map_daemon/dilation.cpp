@@ -99,29 +99,55 @@ bool Dilator::load(const Sogm& in, int frame, const Columns& columns) {
   return true;
 }
 
+// For each offset along x, from the farthest on: what the ball's slice there covers along y and z. A slice holds those
+// farther out, so that only what it has more must be added.
+void Dilator::slice_ball(int w) {
+  const std::size_t n = plane_size_ - 2 * static_cast<std::size_t>(reach_y_);
+  slices_.assign(static_cast<std::size_t>(reach_x_) + 1, nullptr);
+  if (covered_.size() < slices_.size() * plane_size_) covered_.resize(slices_.size() * plane_size_);
+  for (int i = reach_x_; i >= 0; --i) {
+    const auto index = static_cast<std::size_t>(i);
+    sources_.clear();
+    if (i < reach_x_) sources_.push_back(slices_[index + 1] + reach_y_);
+    for (int j = -reach_y_; j <= reach_y_; ++j) {
+      const int half = half_width(i, j);
+      if (half >= 0 && (i == reach_x_ || half > half_width(i + 1, j)))
+        sources_.push_back(plane(half, w) + reach_y_ + j);
+    }
+    if (sources_.size() == 1) {
+      slices_[index] = sources_.front() - reach_y_;
+      continue;
+    }
+    std::uint64_t* out = covered_.data() + index * plane_size_;
+    or_words(sources_, {.n = n}, out + reach_y_);
+    slices_[index] = out;
+  }
+}
+
 void Dilator::dilate_columns(const Sogm& in, int frame, const Columns& columns) {
   const bool any = load(in, frame, columns);
-  const int width = columns.width(), num_rows = columns.last.x() - columns.first.x() + 1;
   const std::size_t first = static_cast<std::size_t>(reach_x_) * row_ + reach_y_;  // of the wanted columns in a plane
-  const std::size_t n = static_cast<std::size_t>(num_rows) * row_ - 2 * static_cast<std::size_t>(reach_y_);
-  if (sum_.size() < n) sum_.resize(n);
+  const auto rows = static_cast<std::size_t>(columns.last.x() - columns.first.x() + 1);
+  const auto width = static_cast<std::size_t>(columns.width());
+  const std::size_t out_row = static_cast<std::size_t>(in.geometry.size.y()) * words_;
+  std::uint64_t* out = out_.column(frame, columns.first.x(), columns.first.y());
   for (int w = 0; w < words_; ++w) {
+    sources_.clear();
     if (any) {
+      slice_ball(w);
       sources_.clear();
-      for (int i = -reach_x_; i <= reach_x_; ++i) {
-        for (int j = -reach_y_; j <= reach_y_; ++j) {
-          if (half_width(i, j) < 0) continue;
-          sources_.push_back(plane(half_width(i, j), w) + first + i * static_cast<std::ptrdiff_t>(row_) + j);
-        }
-      }
-      or_words(sources_, n, sum_.data());
-    } else {
-      std::fill_n(sum_.begin(), n, 0);
+      for (int i = -reach_x_; i <= reach_x_; ++i)
+        sources_.push_back(slices_[static_cast<std::size_t>(std::abs(i))] + first +
+                           i * static_cast<std::ptrdiff_t>(row_));
     }
-    for (int i = 0; i < num_rows; ++i) {
-      copy_strided(sum_.data() + static_cast<std::size_t>(i) * row_, 1, width, words_,
-                   out_.column(frame, columns.first.x() + i, columns.first.y()) + w);
+    if (words_ == 1) {
+      or_words(sources_, {rows, width, row_, out_row}, out);
+      continue;
     }
+    sum_.resize(rows * width);
+    or_words(sources_, {rows, width, row_, width}, sum_.data());
+    for (std::size_t i = 0; i < rows; ++i)
+      copy_strided(sum_.data() + i * width, 1, columns.width(), words_, out + i * out_row + w);
   }
 }
 

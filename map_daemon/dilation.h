@@ -34,6 +34,7 @@ class Dilator {
     return planes_.data() + (static_cast<std::size_t>(h) * (words_ + 2) + w + 1) * plane_size_;
   }
   void shape_ball(const GridGeometry& geometry, double radius_m);
+  void slice_ball(int w);
   bool load(const Sogm& in, int frame, const Columns& columns);  // false: nothing there
   void dilate_columns(const Sogm& in, int frame, const Columns& columns);
 
@@ -42,7 +43,8 @@ class Dilator {
   int words_ = 0;                                // per column
   std::vector<int> half_widths_;
   std::size_t row_ = 0, plane_size_ = 0;  // words
-  std::vector<std::uint64_t> planes_, sum_;
+  std::vector<std::uint64_t> planes_, covered_, sum_;
+  std::vector<const std::uint64_t*> slices_;  // by offset along x: the plane of what the ball's slice covers
   std::vector<const std::uint64_t*> sources_;
 };
 

@@ -18,6 +18,12 @@ double farthest(double velocity, double t_s, const Reach& reach) {
 
 }  // namespace
 
+Span span(const Reach& reach, int axis, double from_s, double to_s) {
+  const double v = reach.velocity[axis];  // the farthest is convex in time: its largest value is at an end
+  return {reach.center[axis] - std::max(farthest(-v, from_s, reach), farthest(-v, to_s, reach)),
+          reach.center[axis] + std::max(farthest(v, from_s, reach), farthest(v, to_s, reach))};
+}
+
 Columns Columns::grown(int margin, const GridGeometry& geometry) const {
   if (empty()) return {};
   const Columns all = all_columns(geometry);
@@ -37,12 +43,8 @@ Columns reached(const Sogm& sogm, int frame, const Reach& reach, double linger_s
   if (end_s < 0.0 && !last) return {};
   const double to_s = last ? reach.horizon_s : std::min(end_s, reach.horizon_s);
   const double from_s = std::clamp(since_s(frame), 0.0, to_s);
-  Eigen::Vector3d low = reach.center, high = reach.center;
-  for (int axis = 0; axis < 2; ++axis) {  // the farthest is convex in time: its largest value is at an end
-    const double v = reach.velocity[axis];
-    high[axis] += std::max(farthest(v, from_s, reach), farthest(v, to_s, reach));
-    low[axis] -= std::max(farthest(-v, from_s, reach), farthest(-v, to_s, reach));
-  }
+  const Span x = span(reach, 0, from_s, to_s), y = span(reach, 1, from_s, to_s);
+  const Eigen::Vector3d low(x.low, y.low, 0.0), high(x.high, y.high, 0.0);
   const GridGeometry& grid = sogm.geometry;
   const Columns all = all_columns(grid);
   return {grid.voxel_of(low.array() - grid.resolution_m).head<2>().cwiseMax(all.first),
@@ -96,10 +98,8 @@ void PartialSogm::accumulate(const Sogm& from, int frames_before, const Reach& r
     for (int before = 0; before <= std::min(frame, frames_before); ++before)
       sources_.push_back(from.column(frame - before, columns.first.x(), columns.first.y()));
     const std::size_t row = static_cast<std::size_t>(map_.geometry.size.y()) * map_.geometry.words_per_column();
-    for (int x = columns.first.x(); x <= columns.last.x(); ++x) {
-      or_words(sources_, n, column(frame, x, columns.first.y()));
-      for (const std::uint64_t*& source : sources_) source += row;
-    }
+    const auto rows = static_cast<std::size_t>(columns.last.x() - columns.first.x() + 1);
+    or_words(sources_, {rows, n, row, row}, column(frame, columns.first.x(), columns.first.y()));
   }
 }
 

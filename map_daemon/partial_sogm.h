@@ -20,6 +20,12 @@ struct Reach {
   Eigen::Vector3d velocity = Eigen::Vector3d::Zero();                  // W [m/s]
 };
 
+// Where along an axis (0, 1) that is at some time within [from_s, to_s], 0 <= from_s <= to_s, after `utime`: W [m].
+struct Span {
+  double low, high;
+};
+Span span(const Reach& reach, int axis, double from_s, double to_s);
+
 // A box [first, last] of columns of the window, indices along x and y; none when a first is above its last.
 struct Columns {
   Eigen::Vector2i first = Eigen::Vector2i::Zero(), last = Eigen::Vector2i::Constant(-1);

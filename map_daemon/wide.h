@@ -13,7 +13,10 @@
 
 namespace swarm {
 
-// out = the union of `n` words from each source on.
-void or_words(const std::vector<const std::uint64_t*>& sources, std::size_t n, std::uint64_t* out);
+// Rows of `n` words each, `stride` words apart in all sources, `out_stride` words apart in `out`: out = their union.
+struct WordRows {
+  std::size_t rows = 1, n = 0, stride = 0, out_stride = 0;
+};
+void or_words(const std::vector<const std::uint64_t*>& sources, const WordRows& shape, std::uint64_t* out);
 
 }  // namespace swarm

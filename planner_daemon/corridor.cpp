@@ -4,6 +4,16 @@
 #include <bit>
 
 namespace swarm {
+namespace {
+
+// Bits [first, last] of a word, as far as there are such.
+std::uint64_t ones_between(int first, int last) {
+  first = std::max(first, 0);
+  last = std::min(last, 63);
+  return first > last ? 0 : ~std::uint64_t{0} >> (63 - (last - first)) << first;
+}
+
+}  // namespace
 
 CorridorBuilder::CorridorBuilder(const Eigen::Vector3d& space_min, const Eigen::Vector3d& space_max,
                                  const CorridorOptions& options)
@@ -11,7 +21,7 @@ CorridorBuilder::CorridorBuilder(const Eigen::Vector3d& space_min, const Eigen::
 
 void CorridorBuilder::extract_surface(const Sogm& blocked, int first_frame, int last_frame,
                                       const Eigen::Vector3d& lower, const Eigen::Vector3d& upper) {
-  points_.clear();
+  obstacles_.clear();
   const GridGeometry& grid = blocked.geometry;
   const Eigen::Vector3i low = grid.voxel_of(lower).cwiseMax(0);
   const Eigen::Vector3i high = grid.voxel_of(upper).cwiseMin(grid.size - Eigen::Vector3i::Ones());
@@ -39,9 +49,11 @@ void CorridorBuilder::extract_surface(const Sogm& blocked, int first_frame, int 
         hidden &= x + 1 < depth ? column(x + 1, y)[w] : 0;
         hidden &= y > 0 ? column(x, y - 1)[w] : 0;
         hidden &= y + 1 < width ? column(x, y + 1)[w] : 0;
-        for (std::uint64_t bits = here[w] & ~hidden; bits != 0; bits &= bits - 1) {
-          const int z = 64 * w + std::countr_zero(bits);
-          if (z >= low.z() && z <= high.z()) points_.push_back(grid.center_of({low.x() + x, low.y() + y, z}));
+        std::uint64_t bits = here[w] & ~hidden & ones_between(low.z() - 64 * w, high.z() - 64 * w);
+        while (bits != 0) {
+          const int first = std::countr_zero(bits), count = std::countr_one(bits >> first);
+          obstacles_.push_back({grid.center_of({low.x() + x, low.y() + y, 64 * w + first}), count});
+          bits &= ~ones_between(first, first + count - 1);
         }
       }
     }
@@ -55,9 +67,8 @@ FiriStatus CorridorBuilder::build(const ControlPoints& piece, const Sogm& blocke
   const Eigen::Vector3d lower = (seed_min.array() - options_.reach_m).matrix().cwiseMax(space_min_).cwiseMin(seed_min);
   const Eigen::Vector3d upper = (seed_max.array() + options_.reach_m).matrix().cwiseMin(space_max_).cwiseMax(seed_max);
   extract_surface(blocked, blocked.frame_at(from_utime), blocked.frame_at(to_utime - 1), lower, upper);
-  obstacles_.resize(3, static_cast<Eigen::Index>(points_.size()));
-  for (std::size_t i = 0; i < points_.size(); ++i) obstacles_.col(static_cast<Eigen::Index>(i)) = points_[i];
   FiriOptions firi;
+  firi.spacing_m = blocked.geometry.resolution_m;
   firi.half_extent_m = 0.5 * blocked.geometry.resolution_m;
   return firi_.grow(piece, obstacles_, lower, upper, firi, polytope);
 }

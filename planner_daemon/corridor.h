@@ -28,8 +28,9 @@ class CorridorBuilder {
   [[nodiscard]] FiriStatus build(const ControlPoints& piece, const Sogm& blocked, std::int64_t from_utime,
                                  std::int64_t to_utime, Polytope* polytope);
 
-  // Centres of the voxels of the newest build's obstacles (3 x m, W [m]): the surface of the union over its frames.
-  const Eigen::Matrix3Xd& obstacles() const { return obstacles_; }
+  // Centres of the voxels of the newest build's obstacles, a voxel's edge apart: the surface of the union over its
+  // frames.
+  const std::vector<PointRun>& obstacles() const { return obstacles_; }
 
  private:
   void extract_surface(const Sogm& blocked, int first_frame, int last_frame, const Eigen::Vector3d& lower,
@@ -39,8 +40,7 @@ class CorridorBuilder {
   CorridorOptions options_;
   Firi firi_;
   std::vector<std::uint64_t> columns_;  // union of the frames over the box
-  Eigen::Matrix3Xd obstacles_;
-  std::vector<Eigen::Vector3d> points_;
+  std::vector<PointRun> obstacles_;
 };
 
 }  // namespace swarm

@@ -9,7 +9,6 @@
 namespace swarm {
 namespace {
 
-constexpr std::int16_t kFar = 30'000;      // [ticks], beside the window, and the most that is told apart
 constexpr std::int16_t kLongest = 15'000;  // [ticks], any way after the last frame
 
 // The least of each value and its neighbours `step` before and after.
@@ -18,13 +17,13 @@ SWARM_WIDE void least_of_three(const std::int16_t* __restrict in, std::size_t st
   for (std::size_t i = 0; i < n; ++i) out[i] = std::min(in[i], std::min(in[i - step], in[i + step]));
 }
 
-// The least of each value and those beside it, and `added`; no more than kFar and not below `rim`.
+// The least of each value and those beside it, and `added`; no more than `far` and not below `rim`.
 SWARM_WIDE void least_of_rows(const std::int16_t* a, const std::int16_t* b, const std::int16_t* c,
-                              const std::int16_t* __restrict added, const std::int16_t* __restrict rim, std::size_t n,
-                              std::int16_t* __restrict out) {
+                              const std::int16_t* __restrict added, const std::int16_t* __restrict rim,
+                              std::int16_t far, std::size_t n, std::int16_t* __restrict out) {
   for (std::size_t i = 0; i < n; ++i) {
     const auto sum = static_cast<std::int16_t>(std::min(a[i], std::min(b[i], c[i])) + added[i]);
-    out[i] = std::max(std::min(sum, kFar), rim[i]);
+    out[i] = std::max(std::min(sum, far), rim[i]);
   }
 }
 
@@ -40,12 +39,12 @@ SWARM_WIDE void finish_column(const std::int16_t* __restrict straight, std::int1
 }
 
 // Adds the penalty to every cell whose bit is set: bit 2 k belongs to out[k].
-SWARM_WIDE void add_penalty(std::uint64_t bits, std::int16_t penalty, std::int16_t* out) {
+SWARM_WIDE void add_penalty(std::uint64_t bits, std::int16_t penalty, std::int16_t far, std::int16_t* out) {
   for (; bits != 0; bits >>= 16, out += 8) {
     const auto chunk = static_cast<std::uint16_t>(bits);
     for (int k = 0; k < 8; ++k) {
       const std::int16_t added = (chunk >> (2 * k) & 1) != 0 ? penalty : 0;
-      out[k] = static_cast<std::int16_t>(std::min<std::int16_t>(out[k], kFar) + added);
+      out[k] = static_cast<std::int16_t>(std::min(out[k], far) + added);
     }
   }
 }
@@ -65,33 +64,39 @@ void CostToGo::build(const Sogm& blocked, const Sogm& standing, const Reach& rea
     return static_cast<int>(std::floor((frame + 1) * moves_per_frame + 0.5)) -
            static_cast<int>(std::floor(frame * moves_per_frame + 0.5));
   };
-  // Where the robot is, three cells to each side for rounding, then as many more per frame as it may move.
   const auto grown = [this](const Box& box, int cells) {
-    Box out{(box.first.array() - cells).max(0), (box.last.array() + cells).min(size_.array() - 1)};
-    out.first.z() = 0;
-    out.last.z() = size_.z() - 1;
-    return out;
+    return Box{(box.first.array() - cells).max(0), (box.last.array() + cells).min(size_.array() - 1)};
   };
-  const Eigen::Vector3i at = ((reach.center - corner_) * inverse_cell_).array().floor().matrix().cast<int>();
   const int first = std::max(0, frame_at(reach.utime) - 1);
-  Box box = grown({at, at}, 3);
-  for (int frame = 0; frame <= num_frames_; ++frame) {
-    if (frame > first) box = grown(box, moves(frame - 1));
-    boxes_[static_cast<std::size_t>(frame)] = box;
-  }
+  for (int frame = first; frame <= num_frames_; ++frame)
+    boxes_[static_cast<std::size_t>(frame)] = reached(reach, frame);
   finish(standing, goal, reach.speed_mps, space_min, space_max);
   for (int frame = num_frames_ - 1; frame >= first; --frame) {
-    const int n = std::max(1, moves(frame));
-    for (int move = 0; move < n; ++move) {
-      const Box around = grown(boxes_[static_cast<std::size_t>(frame)], n - 1 - move);
-      if (moves(frame) == 0) {
-        stay(frame + 1, frame, around);
-      } else {
-        spread(move == 0 ? frame + 1 : frame, frame, around, move == n - 1 ? shut_ : open_);
-      }
-    }
+    const Box& box = boxes_[static_cast<std::size_t>(frame)];
+    const int n = moves(frame);
+    isolate(frame + 1, grown(box, n));
+    if (n == 0) stay(frame + 1, frame, box);
+    for (int move = 0; move < n; ++move)
+      spread(move == 0 ? frame + 1 : frame, frame, grown(box, n - 1 - move), move == n - 1 ? shut_ : open_);
     close(blocked, frame);
   }
+}
+
+// Cells where the robot may be when the frame starts, to the nearest frame, and one more to each side.
+CostToGo::Box CostToGo::reached(const Reach& reach, int frame) const {
+  const double frame_s = 1e-6 * static_cast<double>(frame_duration_us_);
+  const double since_s = 1e-6 * static_cast<double>(start_utime_ - reach.utime) + frame * frame_s;
+  Box box{Eigen::Vector3i::Zero(), size_ - Eigen::Vector3i::Ones()};
+  for (int axis = 0; axis < 2; ++axis) {
+    const Span at = span(reach, axis, std::max(0.0, since_s - frame_s / 2), std::max(0.0, since_s + frame_s / 2));
+    const auto cell = [&](double coordinate) {
+      return static_cast<int>(
+          std::clamp<double>(std::floor((coordinate - corner_[axis]) * inverse_cell_), -2, size_[axis] + 1));
+    };
+    box.first[axis] = std::max(0, cell(at.low) - 1);
+    box.last[axis] = std::min(size_[axis] - 1, cell(at.high) + 1);
+  }
+  return box;
 }
 
 void CostToGo::lay_out(const Sogm& blocked, const Eigen::Vector3d& goal, double speed_mps) {
@@ -131,27 +136,43 @@ void CostToGo::lay_out(const Sogm& blocked, const Eigen::Vector3d& goal, double 
 // After the last frame only what stands still is in the way.
 void CostToGo::finish(const Sogm& standing, const Eigen::Vector3d& goal, double speed_mps,
                       const Eigen::Vector3d& space_min, const Eigen::Vector3d& space_max) {
-  const std::vector<std::uint64_t> space =
-      cells_between(corner_.z(), 1.0 / inverse_cell_, size_.z(), space_min.z(), space_max.z());
+  cells_between(corner_.z(), 1.0 / inverse_cell_, size_.z(), space_min.z(), space_max.z(), &space_);
   in_space_.assign(static_cast<std::size_t>(standing.geometry.words_per_column()), 0);
   shut_ = open_;
   for (std::size_t z = 0; z < static_cast<std::size_t>(size_.z()); ++z) {
-    if ((space[z >> 6] >> (z & 63) & 1) != 0) {
+    if ((space_[z >> 6] >> (z & 63) & 1) != 0) {
       in_space_[z >> 5] |= std::uint64_t{1} << (2 * z & 63);
     } else {
       for (std::size_t i = z; i < shut_.size(); i += stride_) shut_[i] = kPenalty;
     }
   }
   const bool guided = guidance_.build(standing, goal, space_min.z(), space_max.z());
-  const std::vector<Value> unguided(straight_[2].size(), 0);
   const auto passed = static_cast<Value>(num_frames_ * kTicksPerFrame);
   const auto ticks_per_step = static_cast<float>(1.0 / (speed_mps * tick_s_ * inverse_cell_));
   const Box& box = boxes_.back();
   for (int x = box.first.x(); x <= box.last.x(); ++x) {
     for (int y = box.first.y(); y <= box.last.y(); ++y) {
       const Value side = std::max(straight_[0][static_cast<std::size_t>(x)], straight_[1][static_cast<std::size_t>(y)]);
-      finish_column(straight_[2].data(), side, guided ? guidance_.steps(x, y) : unguided.data(), ticks_per_step, passed,
+      finish_column(straight_[2].data(), side, guided ? guidance_.steps(x, y) : open_.data(), ticks_per_step, passed,
                     straight_[2].size(), values_.data() + column(num_frames_, x, y));
+    }
+  }
+}
+
+// Far away: what the robot does not reach of `around`.
+void CostToGo::isolate(int frame, const Box& around) {
+  const Box& box = boxes_[static_cast<std::size_t>(frame)];
+  const auto fill = [&](int x, int first_y, int last_y) {
+    if (first_y > last_y) return;
+    std::fill_n(values_.data() + column(frame, x, first_y), static_cast<std::size_t>(last_y - first_y + 1) * stride_,
+                kFar);
+  };
+  for (int x = around.first.x(); x <= around.last.x(); ++x) {
+    if (x < box.first.x() || x > box.last.x()) {
+      fill(x, around.first.y(), around.last.y());
+    } else {
+      fill(x, around.first.y(), std::min(around.last.y(), box.first.y() - 1));
+      fill(x, std::max(around.first.y(), box.last.y() + 1), around.last.y());
     }
   }
 }
@@ -161,7 +182,7 @@ void CostToGo::stay(int from, int to, const Box& box) {
   const std::size_t n = static_cast<std::size_t>(std::max(0, box.last.y() - box.first.y() + 1)) * stride_;
   for (int x = box.first.x(); x <= box.last.x(); ++x) {
     const Value* in = values_.data() + column(from, x, box.first.y());
-    least_of_rows(in, in, in, shut_.data(), rim_.data(), n, values_.data() + column(to, x, box.first.y()));
+    least_of_rows(in, in, in, shut_.data(), rim_.data(), kFar, n, values_.data() + column(to, x, box.first.y()));
   }
 }
 
@@ -175,7 +196,7 @@ void CostToGo::spread(int from, int to, const Box& box, const std::vector<Value>
     least_of_three(values_.data() + column(from, x, first_y - 1), 1, n + 2 * stride_, along_z_.data());
     least_of_three(along_z_.data() + stride_, stride_, n, row(x));
     if (x <= box.first.x()) continue;
-    least_of_rows(row(x - 2), row(x - 1), row(x), added.data(), rim_.data(), n,
+    least_of_rows(row(x - 2), row(x - 1), row(x), added.data(), rim_.data(), kFar, n,
                   values_.data() + column(to, x - 1, first_y));
   }
 }
@@ -196,7 +217,7 @@ void CostToGo::close(const Sogm& blocked, int frame) {
         if (closed == 0) continue;
         if (w == words - 1) closed |= beyond;
         closed &= closed >> 1 & in_space_[static_cast<std::size_t>(w)];
-        if (closed != 0) add_penalty(closed, kPenalty, values_.data() + column(frame, x, y) + 32 * w);
+        if (closed != 0) add_penalty(closed, kPenalty, kFar, values_.data() + column(frame, x, y) + 32 * w);
       }
     }
   }

@@ -18,9 +18,10 @@ namespace swarm {
 class CostToGo {
  public:
   // Dynamic programming, backwards through the frames of `blocked` (configuration space), over cells of two voxels'
-  // edge (closed when all their voxels are occupied) and only where `reach` comes to. In a frame the point moves as
-  // many cells as the speed allows, along all axes at once; a closed cell may be passed at the price of kClosedFrames
-  // per frame. After the last frame only what stands still is left: `standing`, frame 0, same geometry.
+  // edge (closed when all their voxels are occupied) and only where `reach` comes to (and a cell beyond). In a frame
+  // the point moves as many cells as the speed allows, along all axes at once; a closed cell may be passed at the price
+  // of kClosedFrames per frame. After the last frame only what stands still is left: `standing`, frame 0, same
+  // geometry.
   void build(const Sogm& blocked, const Sogm& standing, const Reach& reach, const Eigen::Vector3d& goal,
              const Eigen::Vector3d& space_min, const Eigen::Vector3d& space_max);
 
@@ -33,16 +34,18 @@ class CostToGo {
     const Box& box = boxes_[static_cast<std::size_t>(frame)];
     return cell >= box.first[axis] && cell < box.last[axis] + 1 ? static_cast<int>(cell) : -1;
   }
-  // Detour or wait ahead of a point in that cell at the start of that frame [s]; 0 for indices of -1.
+  // Detour or wait ahead of a point in that cell at the start of that frame [s]; 0 for indices of -1 and where all that
+  // can follow is unknown.
   double delay_s(int frame, int x, int y, int z) const {
     if ((x | y | z) < 0) return 0.0;
-    const int ticks = values_[column(frame, x, y) + static_cast<std::size_t>(z)] - frame * kTicksPerFrame;
-    return std::max(0, ticks - straight(x, y, z)) * tick_s_;
+    const Value value = values_[column(frame, x, y) + static_cast<std::size_t>(z)];
+    return value < kFar ? std::max(0, value - frame * kTicksPerFrame - straight(x, y, z)) * tick_s_ : 0.0;
   }
 
  private:
   using Value = std::int16_t;  // [ticks]
   static constexpr int kTicksPerFrame = 16;
+  static constexpr Value kFar = 30'000;  // beyond what is known, and the most that is told apart
   static constexpr Value kPenalty = kClosedFrames * kTicksPerFrame;
   struct Box {  // cells; the last ones included
     Eigen::Vector3i first = Eigen::Vector3i::Zero(), last = Eigen::Vector3i::Constant(-1);
@@ -58,6 +61,8 @@ class CostToGo {
   void lay_out(const Sogm& blocked, const Eigen::Vector3d& goal, double speed_mps);
   void finish(const Sogm& standing, const Eigen::Vector3d& goal, double speed_mps, const Eigen::Vector3d& space_min,
               const Eigen::Vector3d& space_max);
+  Box reached(const Reach& reach, int frame) const;
+  void isolate(int frame, const Box& around);
   void stay(int from, int to, const Box& box);
   void spread(int from, int to, const Box& box, const std::vector<Value>& added);
   void close(const Sogm& blocked, int frame);
@@ -71,6 +76,7 @@ class CostToGo {
   std::size_t stride_ = 0;                            // cells of a column, padded
   std::vector<Box> boxes_;                            // by frame: what is known
   std::array<std::vector<Value>, 3> straight_;        // by axis and cell
+  std::vector<std::uint64_t> space_;                  // of one column: cells inside the flight space
   std::vector<std::uint64_t> in_space_;               // of one column: bit 2 z of a cell inside the flight space
   std::vector<Value> open_, shut_;                    // what a frame adds to a row of cells: nothing; outside the space
   std::vector<Value> rim_;                            // of a row: kFar between the columns

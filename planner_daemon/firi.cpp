@@ -105,13 +105,14 @@ const char* to_string(FiriStatus status) {
       return "grown";
     case FiriStatus::kSeedBlocked:
       return "seed blocked";
+    case FiriStatus::kTooManyFaces:
+      return "too many faces";
   }
   return "unknown";
 }
 
-FiriStatus Firi::grow(const Eigen::Ref<const Eigen::Matrix3Xd>& seed,
-                      const Eigen::Ref<const Eigen::Matrix3Xd>& obstacles, const Vector3d& lower, const Vector3d& upper,
-                      const FiriOptions& options, Polytope* polytope) {
+FiriStatus Firi::grow(const Eigen::Ref<const Eigen::Matrix3Xd>& seed, std::span<const PointRun> obstacles,
+                      const Vector3d& lower, const Vector3d& upper, const FiriOptions& options, Polytope* polytope) {
   if (seed.cols() < 1) throw std::invalid_argument("Firi: seed has 0 points, must have at least 1");
   if (options.iterations < 1) {
     throw std::invalid_argument("FiriOptions: iterations = " + std::to_string(options.iterations) + ", must be >= 1");
@@ -120,14 +121,23 @@ FiriStatus Firi::grow(const Eigen::Ref<const Eigen::Matrix3Xd>& seed,
     throw std::invalid_argument("FiriOptions: half_extent_m = " + std::to_string(options.half_extent_m) +
                                 ", must be finite and >= 0");
   }
+  if (!(options.spacing_m >= 0.0 && std::isfinite(options.spacing_m))) {
+    throw std::invalid_argument("FiriOptions: spacing_m = " + std::to_string(options.spacing_m) +
+                                ", must be finite and >= 0");
+  }
   seed_.resize(seed.cols());
   for (Eigen::Index i = 0; i < seed.cols(); ++i) seed_[i] = seed.col(i);
 
   Ellipsoid ellipsoid;
   ellipsoid.center = seed.rowwise().mean();
-  FiriStatus status = cut(ellipsoid, obstacles, lower, upper, options.half_extent_m);
+  FiriStatus status = cut(ellipsoid, obstacles, lower, upper, options);
   for (int i = 1; i < options.iterations && inflate(&ellipsoid); ++i) {
-    status = cut(ellipsoid, obstacles, lower, upper, options.half_extent_m);
+    status = cut(ellipsoid, obstacles, lower, upper, options);
+  }
+  if (num_faces_ > Polytope::kMaxFaces) {
+    polytope->normals.resize(0, 3);
+    polytope->offsets.resize(0);
+    return FiriStatus::kTooManyFaces;
   }
   polytope->normals = normals_.topRows(num_faces_);
   polytope->offsets = offsets_.head(num_faces_);
@@ -135,8 +145,8 @@ FiriStatus Firi::grow(const Eigen::Ref<const Eigen::Matrix3Xd>& seed,
 }
 
 // The box cut by one plane after the other, nearest obstacle first.
-FiriStatus Firi::cut(const Ellipsoid& ellipsoid, const Eigen::Ref<const Eigen::Matrix3Xd>& obstacles,
-                     const Vector3d& lower, const Vector3d& upper, double half_extent_m) {
+FiriStatus Firi::cut(const Ellipsoid& ellipsoid, std::span<const PointRun> obstacles, const Vector3d& lower,
+                     const Vector3d& upper, const FiriOptions& options) {
   num_faces_ = 0;
   for (int axis = 0; axis < 3; ++axis) {
     add_face(Vector3d::Unit(axis), upper(axis));
@@ -145,41 +155,87 @@ FiriStatus Firi::cut(const Ellipsoid& ellipsoid, const Eigen::Ref<const Eigen::M
   const Matrix3d to_ball = ellipsoid.shape.inverse();
   seed_in_ball_.resize(seed_.size());
   for (size_t i = 0; i < seed_.size(); ++i) seed_in_ball_[i] = to_ball * (seed_[i] - ellipsoid.center);
+  spacing_m_ = options.spacing_m;
+  spacing_in_ball_ = spacing_m_ * to_ball.col(2);
 
-  const Eigen::Array3d outer_lower = lower.array() - half_extent_m, outer_upper = upper.array() + half_extent_m;
-  candidates_.resize(obstacles.cols());
-  size_t left = 0, nearest = 0;
-  for (Eigen::Index i = 0; i < obstacles.cols(); ++i) {
-    const Vector3d p = obstacles.col(i);
-    if ((p.array() <= outer_lower).any() || (p.array() >= outer_upper).any()) continue;  // the box excludes it
-    candidates_[left] = {p, (to_ball * (p - ellipsoid.center)).squaredNorm()};
-    if (candidates_[left].squared_distance < candidates_[nearest].squared_distance) nearest = left;
-    ++left;
+  const Vector3d outer_lower = lower.array() - options.half_extent_m,
+                 outer_upper = upper.array() + options.half_extent_m;
+  candidates_.clear();
+  for (const PointRun& run : obstacles) {
+    const auto outside = [&](int axis, double at) { return at <= outer_lower(axis) || at >= outer_upper(axis); };
+    if (outside(0, run.first.x()) || outside(1, run.first.y())) continue;  // the box excludes it
+    Candidate candidate{run.first, to_ball * (run.first - ellipsoid.center), 0, run.count - 1, 0, 0.0};
+    while (candidate.first <= candidate.last && outside(2, run.first.z() + candidate.first * spacing_m_))
+      ++candidate.first;
+    while (candidate.first <= candidate.last && outside(2, run.first.z() + candidate.last * spacing_m_))
+      --candidate.last;
+    if (candidate.first > candidate.last) continue;
+    find_nearest(&candidate);
+    candidates_.push_back(candidate);
   }
 
   FiriStatus status = FiriStatus::kGrown;
-  while (left > 0) {
-    const Vector3d obstacle = candidates_[nearest].position;
-    candidates_[nearest] = candidates_[--left];
+  while (!candidates_.empty()) {
+    const auto nearer = [](const Candidate& a, const Candidate& b) { return a.squared_distance < b.squared_distance; };
+    const auto next = std::min_element(candidates_.begin(), candidates_.end(), nearer);
+    const Vector3d obstacle = next->base + next->nearest * spacing_m_ * Vector3d::UnitZ();
+    take_out_nearest(static_cast<std::size_t>(next - candidates_.begin()));
     const int num_faces_before = num_faces_;
-    if (!separate(obstacle, to_ball, ellipsoid.center, half_extent_m)) status = FiriStatus::kSeedBlocked;
-
-    // Drop what the new face excludes, cube and all; without a new face, only look for the next.
-    const bool has_new = num_faces_ > num_faces_before;
-    const Vector3d normal = has_new ? Vector3d(normals_.row(num_faces_ - 1)) : Vector3d::Zero();
-    const double limit =
-        has_new ? offsets_(num_faces_ - 1) + half_extent_m * normal.lpNorm<1>() - kTouching_m : INFINITY;
-    const size_t end = std::exchange(left, 0);
-    double best = INFINITY;
-    nearest = 0;
-    for (size_t i = 0; i < end; ++i) {
-      const Candidate candidate = candidates_[i];
-      if (normal.dot(candidate.position) >= limit) continue;
-      if (candidate.squared_distance < best) best = candidate.squared_distance, nearest = left;
-      candidates_[left++] = candidate;
+    if (!separate(obstacle, to_ball, ellipsoid.center, options.half_extent_m)) status = FiriStatus::kSeedBlocked;
+    if (num_faces_ == num_faces_before) continue;
+    // Drop what the new face excludes, cube and all.
+    const Vector3d normal = normals_.row(num_faces_ - 1);
+    const double limit = offsets_(num_faces_ - 1) + options.half_extent_m * normal.lpNorm<1>() - kTouching_m;
+    std::size_t left = 0;
+    for (const Candidate& candidate : candidates_) {
+      candidates_[left] = candidate;
+      if (trim(normal, limit, &candidates_[left])) ++left;
     }
+    candidates_.resize(left);
   }
   return status;
+}
+
+// Distances are convex along a run.
+void Firi::find_nearest(Candidate* candidate) const {
+  const double length2 = spacing_in_ball_.squaredNorm();
+  const double wanted = length2 > 0.0 ? std::round(-candidate->in_ball.dot(spacing_in_ball_) / length2) : 0.0;
+  candidate->nearest = static_cast<int>(std::clamp<double>(wanted, candidate->first, candidate->last));
+  candidate->squared_distance = (candidate->in_ball + candidate->nearest * spacing_in_ball_).squaredNorm();
+}
+
+void Firi::take_out_nearest(std::size_t index) {
+  Candidate& below = candidates_[index];
+  Candidate above = below;
+  above.first = below.nearest + 1;
+  below.last = below.nearest - 1;
+  const bool any_below = below.first <= below.last, any_above = above.first <= above.last;
+  if (any_below) find_nearest(&below);
+  if (any_above) find_nearest(&above);
+  if (any_below && any_above) {
+    candidates_.push_back(above);
+  } else if (any_above) {
+    below = above;
+  } else if (!any_below) {
+    below = candidates_.back();
+    candidates_.pop_back();
+  }
+}
+
+// Takes away the points with normal . point >= limit; false: all of them.
+bool Firi::trim(const Vector3d& normal, double limit, Candidate* candidate) const {
+  const double step = spacing_m_ * normal.z(), base = normal.dot(candidate->base);
+  const bool first_in = base + candidate->first * step < limit, last_in = base + candidate->last * step < limit;
+  if (!first_in && !last_in) return false;
+  if (first_in && last_in) return true;
+  const double crossing = (limit - base) / step;  // between the first and the last
+  if (first_in) {
+    candidate->last = std::clamp(static_cast<int>(std::ceil(crossing)) - 1, candidate->first, candidate->last);
+  } else {
+    candidate->first = std::clamp(static_cast<int>(std::floor(crossing)) + 1, candidate->first, candidate->last);
+  }
+  if (candidate->nearest < candidate->first || candidate->nearest > candidate->last) find_nearest(candidate);
+  return true;
 }
 
 // Adds the face farthest from the ellipsoid's centre, in its metric, between the seed and the obstacle's cube: with

@@ -40,18 +40,19 @@ void open_cells(const Sogm& grid, int frame, int x, int y, std::uint64_t* open) 
   }
 }
 
-std::vector<std::uint64_t> cells_between(double bottom_m, double cell_m, int num_cells, double low_m, double high_m) {
-  std::vector<std::uint64_t> cells((static_cast<std::size_t>(num_cells) + 63) / 64);
+void cells_between(double bottom_m, double cell_m, int num_cells, double low_m, double high_m,
+                   std::vector<std::uint64_t>* bits) {
+  std::vector<std::uint64_t>& cells = *bits;
+  cells.assign((static_cast<std::size_t>(num_cells) + 63) / 64, 0);
   for (int z = 0; z < num_cells; ++z) {
     const double bottom = bottom_m + z * cell_m;
     if (bottom + cell_m > low_m && bottom < high_m)
       cells[static_cast<std::size_t>(z >> 6)] |= std::uint64_t{1} << (z & 63);
   }
-  return cells;
 }
 
 void Guidance::open_space(const Sogm& standing, double space_min_z, double space_max_z) {
-  space_ = cells_between(corner_.z(), cell_m_, size_.z(), space_min_z, space_max_z);
+  cells_between(corner_.z(), cell_m_, size_.z(), space_min_z, space_max_z, &space_);
   for (int x = 0; x < size_.x(); ++x) {
     for (int y = 0; y < size_.y(); ++y) {
       std::uint64_t* open = open_.data() + column(x, y) * static_cast<std::size_t>(words_);
@@ -136,14 +137,16 @@ bool Guidance::build(const Sogm& standing, const Eigen::Vector3d& goal, double s
     open_[column(goal_cell.x(), goal_cell.y()) * static_cast<std::size_t>(words_) + w] |= bit;
     seed(goal_cell.x(), goal_cell.y(), w, bit, goal);
   }
+  // Beyond the floor and the ceiling the flight space may end.
+  const bool below = space_min_z<corner_.z(), above = space_max_z> corner_.z() + cell_m_ * size_.z();
   for (int x = 0; x < size_.x(); ++x) {
     for (int y = 0; y < size_.y(); ++y) {
       const bool side = x == 0 || y == 0 || x == size_.x() - 1 || y == size_.y() - 1;
       for (int w = 0; w < words_; ++w) {
         std::uint64_t bits = side ? ~std::uint64_t{0} : 0;
-        if (w == 0) bits |= 1;
-        if (w == words_ - 1) bits |= std::uint64_t{1} << ((size_.z() - 1) & 63);
-        seed(x, y, w, bits, goal);
+        if (w == 0 && below) bits |= 1;
+        if (w == words_ - 1 && above) bits |= std::uint64_t{1} << ((size_.z() - 1) & 63);
+        if (bits != 0) seed(x, y, w, bits, goal);
       }
     }
   }

@@ -15,8 +15,10 @@ namespace swarm {
 // when it lies above the window. `open` holds as many words as cover half the window's height.
 void open_cells(const Sogm& grid, int frame, int x, int y, std::uint64_t* open);
 
-// Those of `num_cells` cells of a column, the lowest with its bottom at `bottom_m`, that reach into (low_m, high_m).
-std::vector<std::uint64_t> cells_between(double bottom_m, double cell_m, int num_cells, double low_m, double high_m);
+// The bits of those of `num_cells` cells of a column, the lowest with its bottom at `bottom_m`, that reach into (low_m,
+// high_m).
+void cells_between(double bottom_m, double cell_m, int num_cells, double low_m, double high_m,
+                   std::vector<std::uint64_t>* bits);
 
 class Guidance {
  public:

@@ -15,7 +15,7 @@ using Eigen::Matrix3d;
 using Eigen::Vector3d;
 using Vector10d = Eigen::Matrix<double, 10, 1>;  // nine unknowns and a zero
 using Matrix10d = Eigen::Matrix<double, 10, 10>;
-using NormalsRef = Eigen::Ref<const decltype(Polytope::normals)>;
+using NormalsRef = Eigen::Ref<const Normals>;
 using OffsetsRef = Eigen::Ref<const Eigen::VectorXd>;
 
 constexpr int kMaxNewtonSteps = 60;

@@ -140,8 +140,14 @@ void Planner::compose_standing(const PlanRequest& request) {
   standing_.dilate(still_.map(), config_.radius_m + config_.clearance_m);
 }
 
+void Planner::build_cost_to_go(const PlanRequest& request) {
+  compose_standing(request);
+  cost_to_go_.build(blocked_.map(), standing_.map(), reach_, request.goal, config_.limits.space_min,
+                    config_.limits.space_max);
+}
+
 SearchStatus Planner::search(const PlanRequest& request) {
-  SearchProblem problem;
+  SearchProblem& problem = search_problem_;
   problem.start = request.own.at(request.start_utime);
   problem.start_utime = request.start_utime;
   problem.goal = request.goal;
@@ -151,14 +157,12 @@ SearchStatus Planner::search(const PlanRequest& request) {
   problem.wake = &wake_.map();
   problem.tight = &tight_.map();
   problem.contact = &contact_.map();
-  const SearchLimits& limits = config_.limits;
-  compose_standing(request);
-  cost_to_go_.build(blocked, standing_.map(), reach_, request.goal, limits.space_min, limits.space_max);
+  build_cost_to_go(request);
   problem.cost_to_go = &cost_to_go_;
   in_danger_ =
       blocked.occupied(blocked.frame_at(request.start_utime), blocked.geometry.voxel_of(problem.start.position));
   if (in_danger_) dilate_emergency_zones();
-  problem.fine = false;
+  problem.fine = problem.emergency = false;
   SearchStatus status = search_.find(problem, &path_);
   result_.expansions = path_.expansions;
   if (path_.settled) {  // stuck: look again with finer steps

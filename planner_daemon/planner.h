@@ -73,6 +73,12 @@ class Planner {
 
   const PlanResult& plan(const PlanRequest& request);
 
+  // Of the newest plan, for benchmarks: what was searched, the path found, what was optimised.
+  const SearchProblem& search_problem() const { return search_problem_; }
+  const SearchResult& path() const { return path_; }
+  void build_cost_to_go(const PlanRequest& request);  // a part of the search: again
+  const SplineProblem& spline_problem() const { return problem_; }
+
   // First time from `from_utime` on at which the motion enters `blocked`, or INT64_MAX (fine sampling, hover tail
   // included).
   static std::int64_t first_blocked(const Motion& motion, const Sogm& blocked, std::int64_t from_utime);
@@ -107,6 +113,7 @@ class Planner {
   std::vector<std::size_t> still_words_;  // of it, not clear
   PartialSogm wake_;
   Dilator blocked_, near_, tight_, contact_, standing_;
+  SearchProblem search_problem_;  // refers to the maps above
   SearchResult path_, fine_path_, quick_path_;
   PlanResult result_;
 };

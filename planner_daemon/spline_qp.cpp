@@ -24,7 +24,8 @@ constexpr double kFixedTolerance = 1e-6;  // the same for control points that th
 constexpr double kConstantRow = 1e-10;    // an output that responds less than this (relative to its kind) is constant
 constexpr double kDrift = 1e-9;           // active rows further than this from their bounds are solved for again
 constexpr double kMinPivot = 1e-12;       // of the Hessian's square root, relative
-constexpr int kMaxPieces = 64;
+constexpr int kMaxPieces = 64, kMaxDegree = 9;
+static_assert(kMaxPieces * (kMaxDegree + 1) <= SplineSolution::kMaxPoints);
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 using MatrixX3 = Eigen::Matrix<double, Eigen::Dynamic, 3>;
@@ -376,7 +377,7 @@ void SplineQp::Impl::report(const SplineProblem& problem, SplineSolution* soluti
 
 SplineQp::SplineQp(int degree, const std::vector<double>& durations_s) {
   const int pieces = static_cast<int>(durations_s.size());
-  if (degree < 3 || degree > 9) reject("degree", std::to_string(degree), "in [3, 9]");
+  if (degree < 3 || degree > kMaxDegree) reject("degree", std::to_string(degree), "in [3, 9]");
   if (pieces < 1 || pieces > kMaxPieces) reject("pieces", std::to_string(pieces), "in [1, 64]");
   for (int i = 0; i < pieces; ++i) {
     if (std::isfinite(durations_s[i]) && durations_s[i] > 0.0) continue;

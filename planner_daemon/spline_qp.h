@@ -28,9 +28,11 @@ enum class SplineStatus { kSolved, kInfeasible, kIterationLimit };
 const char* to_string(SplineStatus status);
 
 struct SplineSolution {
-  Eigen::Matrix3Xd control_points;  // 3 x (pieces * (degree + 1)), piece after piece
-  double jerk_integral = 0.0;       // integral of |jerk|^2 dt [m^2/s^5]
-  double max_violation = 0.0;       // over all bounds and faces, in their units
+  static constexpr int kMaxPoints = 640;
+  // 3 x (pieces * (degree + 1)), piece after piece; memory of its own.
+  Eigen::Matrix<double, 3, Eigen::Dynamic, Eigen::ColMajor, 3, kMaxPoints> control_points;
+  double jerk_integral = 0.0;  // integral of |jerk|^2 dt [m^2/s^5]
+  double max_violation = 0.0;  // over all bounds and faces, in their units
   int iterations = 0;
 };
 

@@ -167,9 +167,11 @@ TEST(CorridorTest, ObstaclesAreTheSurfaceOfTheFramesUnion) {
       else
         expected.push_back(voxel);
     });
-    for (Eigen::Index i = 0; i < builder.obstacles().cols(); ++i) {
-      actual.push_back(grid.voxel_of(builder.obstacles().col(i)));
-      ASSERT_LT((grid.center_of(actual.back()) - builder.obstacles().col(i)).norm(), 1e-12);
+    for (const PointRun& run : builder.obstacles()) {
+      ASSERT_GE(run.count, 1);
+      const Vector3i lowest = grid.voxel_of(run.first);
+      ASSERT_LT((grid.center_of(lowest) - run.first).norm(), 1e-12);
+      for (int k = 0; k < run.count; ++k) actual.push_back(lowest + Vector3i(0, 0, k));
     }
     const auto less = [](const Vector3i& a, const Vector3i& b) {
       return std::lexicographical_compare(a.data(), a.data() + 3, b.data(), b.data() + 3);
@@ -193,7 +195,7 @@ TEST(CorridorTest, AnEmptyMapGivesTheBoxInsideTheFlightSpace) {
       const ControlPoints piece = random_piece(rng, {2.5, 2.5, 3});  // some leave the flight space, which gives way
       Polytope polytope;
       ASSERT_EQ(builder.build(piece, sogm, kStart, kStart + 200'000, &polytope), FiriStatus::kGrown);
-      EXPECT_EQ(builder.obstacles().cols(), 0);
+      EXPECT_TRUE(builder.obstacles().empty());
       const Box box = box_around(piece, reach, space_min, space_max);
       for (int i = 0; i < 200; ++i) {
         const Vector3d p = in_box(rng, box.low.array() - 0.3, box.high.array() + 0.3);

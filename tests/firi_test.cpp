@@ -41,6 +41,12 @@ struct Scene {
   }
 };
 
+std::vector<PointRun> runs_of(const Matrix3Xd& points) {
+  std::vector<PointRun> runs;
+  for (Eigen::Index i = 0; i < points.cols(); ++i) runs.push_back({points.col(i), 1});
+  return runs;
+}
+
 // Seeds of every rank (a point, repeated points, collinear, coplanar, solid, a bent row of control points), obstacles
 // random or on a grid.
 Scene random_scene(Rng& rng) {
@@ -103,7 +109,7 @@ TEST(Firi, KeepsTheSeedInsideAndEveryObstacleOutside) {
     SCOPED_TRACE(testing::Message() << "trial " << trial << "\n" << scene.describe());
     Polytope polytope;
     const FiriStatus status =
-        firi.grow(scene.seed, scene.obstacles, scene.lower, scene.upper, scene.options, &polytope);
+        firi.grow(scene.seed, runs_of(scene.obstacles), scene.lower, scene.upper, scene.options, &polytope);
     ASSERT_NO_FATAL_FAILURE(expect_sound(scene, polytope));
     const double half = scene.options.half_extent_m;
     double closest = INFINITY;
@@ -132,6 +138,54 @@ TEST(Firi, KeepsTheSeedInsideAndEveryObstacleOutside) {
   EXPECT_GT(near, 1000);
 }
 
+// Points that come as runs, as voxels do: every one of them is kept out as if it came alone.
+TEST(Firi, ARunIsAllItsPoints) {
+  Rng rng(9);
+  Firi firi;
+  int same = 0, trials = 0, long_runs = 0;
+  for (int trial = 0; trial < 1500; ++trial) {
+    Scene scene = random_scene(rng);
+    scene.options.spacing_m = 0.1;
+    std::vector<PointRun> runs;
+    std::vector<Vector3d> points;
+    for (Eigen::Index i = 0; i < scene.obstacles.cols() / 4; ++i) {
+      const PointRun run{scene.obstacles.col(i), uniform_int(rng, 1, 12)};
+      for (int k = 0; k < run.count; ++k) points.push_back(run.first + Vector3d(0, 0, 0.1 * k));
+      long_runs += run.count > 4;
+      runs.push_back(run);
+    }
+    scene.obstacles.resize(3, static_cast<Eigen::Index>(points.size()));
+    for (std::size_t i = 0; i < points.size(); ++i) scene.obstacles.col(static_cast<Eigen::Index>(i)) = points[i];
+    SCOPED_TRACE(testing::Message() << "trial " << trial << "\n" << scene.describe());
+    Polytope polytope, alone;
+    const FiriStatus status = firi.grow(scene.seed, runs, scene.lower, scene.upper, scene.options, &polytope);
+    const FiriStatus status_alone =
+        firi.grow(scene.seed, runs_of(scene.obstacles), scene.lower, scene.upper, scene.options, &alone);
+    ASSERT_NO_FATAL_FAILURE(expect_sound(scene, polytope));
+    const double half = scene.options.half_extent_m;
+    bool blocked = false, clear = true;
+    for (const Vector3d& point : points) {
+      const double distance = distance_to_hull(scene.seed, point);
+      blocked = blocked || distance == 0.0;
+      clear = clear && distance > 1e-7;
+      if (distance > 1e-7) {
+        ASSERT_GE(polytope.violation(point), -1e-9) << point.transpose();
+      }
+      if (distance > std::sqrt(3.0) * half + 1e-7) {
+        ASSERT_GE(cube_clearance(polytope, point, half), -1e-9);
+      }
+    }
+    if (blocked || clear) {
+      ASSERT_EQ(status, blocked ? FiriStatus::kSeedBlocked : FiriStatus::kGrown);
+    }
+    ++trials;
+    same += status == status_alone && polytope.num_faces() == alone.num_faces() &&
+            (polytope.normals - alone.normals).norm() < 1e-6;
+  }
+  EXPECT_GT(long_runs, 10'000);
+  EXPECT_GT(same, trials * 9 / 10);  // but for the order of points equally near
+}
+
 // Each cube is put behind a random plane through the seed's extreme point, so it can be kept out, however narrowly.
 TEST(Firi, KeepsOutEveryCubeThatCanBeSeparated) {
   Rng rng(2);
@@ -148,7 +202,7 @@ TEST(Firi, KeepsOutEveryCubeThatCanBeSeparated) {
     }
     SCOPED_TRACE(testing::Message() << "trial " << trial << "\n" << scene.describe());
     Polytope polytope;
-    ASSERT_EQ(firi.grow(scene.seed, scene.obstacles, scene.lower, scene.upper, scene.options, &polytope),
+    ASSERT_EQ(firi.grow(scene.seed, runs_of(scene.obstacles), scene.lower, scene.upper, scene.options, &polytope),
               FiriStatus::kGrown);
     ASSERT_NO_FATAL_FAILURE(expect_sound(scene, polytope));
     for (Eigen::Index i = 0; i < scene.obstacles.cols(); ++i) {
@@ -169,7 +223,7 @@ TEST(Firi, AnObstacleInTheSeedBlocksAndTheOthersAreStillExcluded) {
     SCOPED_TRACE(testing::Message() << "trial " << trial << "\n" << scene.describe());
     Polytope polytope;
     const FiriStatus status =
-        firi.grow(scene.seed, scene.obstacles, scene.lower, scene.upper, scene.options, &polytope);
+        firi.grow(scene.seed, runs_of(scene.obstacles), scene.lower, scene.upper, scene.options, &polytope);
     ASSERT_NO_FATAL_FAILURE(expect_sound(scene, polytope));
     for (Eigen::Index i = 0; i < scene.obstacles.cols(); ++i) {
       const Vector3d obstacle = scene.obstacles.col(i);
@@ -186,11 +240,10 @@ TEST(Firi, AnObstacleInTheSeedBlocksAndTheOthersAreStillExcluded) {
 
 TEST(Firi, WithoutObstaclesGivesTheBox) {
   Firi firi;
-  const Matrix3Xd none(3, 0);
   for (const int count : {1, 2, 5}) {
     Polytope polytope;
     const Matrix3Xd seed = Vector3d(0.2, -0.1, 1.0).replicate(1, count);
-    ASSERT_EQ(firi.grow(seed, none, Vector3d(-1, -2, 0), Vector3d(1, 2, 3), {}, &polytope), FiriStatus::kGrown);
+    ASSERT_EQ(firi.grow(seed, {}, Vector3d(-1, -2, 0), Vector3d(1, 2, 3), {}, &polytope), FiriStatus::kGrown);
     ASSERT_EQ(polytope.num_faces(), 6);
     EXPECT_DOUBLE_EQ(polytope.violation({1, 2, 3}), 0.0);
     EXPECT_DOUBLE_EQ(polytope.violation({-1, -2, 0}), 0.0);
@@ -212,7 +265,7 @@ TEST(Firi, AWallBecomesOneFaceAtTheCubesSurface) {
     }
   }
   Polytope polytope;
-  ASSERT_EQ(Firi().grow(scene.seed, scene.obstacles, scene.lower, scene.upper, scene.options, &polytope),
+  ASSERT_EQ(Firi().grow(scene.seed, runs_of(scene.obstacles), scene.lower, scene.upper, scene.options, &polytope),
             FiriStatus::kGrown);
   ASSERT_EQ(polytope.num_faces(), 7);
   EXPECT_LT((polytope.normals.row(6) - Eigen::RowVector3d(0, 1, 0)).norm(), 1e-9);
@@ -229,7 +282,7 @@ TEST(Firi, AWallTooNearIsKeptOutAsFarAsTheSeedAllows) {
   scene.obstacles.resize(3, 12);
   for (int i = 0; i < 12; ++i) scene.obstacles.col(i) = Vector3d(-0.3 + 0.1 * i, 0.02, 1.0);
   Polytope polytope;
-  ASSERT_EQ(Firi().grow(scene.seed, scene.obstacles, scene.lower, scene.upper, scene.options, &polytope),
+  ASSERT_EQ(Firi().grow(scene.seed, runs_of(scene.obstacles), scene.lower, scene.upper, scene.options, &polytope),
             FiriStatus::kGrown);
   expect_sound(scene, polytope);
   for (Eigen::Index i = 0; i < 12; ++i) EXPECT_GE(polytope.violation(scene.obstacles.col(i)), 0.0199);
@@ -246,7 +299,7 @@ TEST(Firi, AFlatGapKeepsTheSeed) {
   scene.obstacles.resize(3, 2);
   scene.obstacles << 0.2, 0.2, 0.03, -0.03, 0.0, 0.0;
   Polytope polytope;
-  ASSERT_EQ(Firi().grow(scene.seed, scene.obstacles, scene.lower, scene.upper, scene.options, &polytope),
+  ASSERT_EQ(Firi().grow(scene.seed, runs_of(scene.obstacles), scene.lower, scene.upper, scene.options, &polytope),
             FiriStatus::kGrown);
   expect_sound(scene, polytope);
   EXPECT_GT(polytope.violation({0.2, 0.001, 0.0}), 0.0);
@@ -273,7 +326,7 @@ TEST(Firi, TheSecondIterationGrowsTheVolume) {
     for (const int iterations : {1, 2}) {
       scene.options.iterations = iterations;
       Polytope polytope;
-      ASSERT_EQ(firi.grow(scene.seed, scene.obstacles, scene.lower, scene.upper, scene.options, &polytope),
+      ASSERT_EQ(firi.grow(scene.seed, runs_of(scene.obstacles), scene.lower, scene.upper, scene.options, &polytope),
                 FiriStatus::kGrown);
       ASSERT_TRUE(inscribed_ellipsoid(polytope, Vector3d(ellipsoid.center), &ellipsoid));
       volume[iterations - 1] = ellipsoid.shape.determinant();
@@ -292,8 +345,8 @@ TEST(Firi, RepeatsToTheLastBitAndForgetsEarlierCalls) {
   for (int trial = 0; trial < 300; ++trial) {
     const Scene s = random_scene(rng);
     Polytope first, second;
-    const FiriStatus status = used.grow(s.seed, s.obstacles, s.lower, s.upper, s.options, &first);
-    ASSERT_EQ(Firi().grow(s.seed, s.obstacles, s.lower, s.upper, s.options, &second), status);
+    const FiriStatus status = used.grow(s.seed, runs_of(s.obstacles), s.lower, s.upper, s.options, &first);
+    ASSERT_EQ(Firi().grow(s.seed, runs_of(s.obstacles), s.lower, s.upper, s.options, &second), status);
     ASSERT_TRUE(first.normals == second.normals && first.offsets == second.offsets) << s.describe();
   }
 }
@@ -307,7 +360,7 @@ TEST(Firi, ThousandsOfObstacles) {
   scene.obstacles.resize(3, 20000);
   for (Eigen::Index i = 0; i < 20000; ++i) scene.obstacles.col(i) = direction(rng) * uniform(rng, 0.5, 3.0);
   Polytope polytope;
-  ASSERT_EQ(Firi().grow(scene.seed, scene.obstacles, scene.lower, scene.upper, scene.options, &polytope),
+  ASSERT_EQ(Firi().grow(scene.seed, runs_of(scene.obstacles), scene.lower, scene.upper, scene.options, &polytope),
             FiriStatus::kGrown);
   expect_sound(scene, polytope);
   for (Eigen::Index i = 0; i < 20000; ++i) ASSERT_GE(cube_clearance(polytope, scene.obstacles.col(i), 0.05), -1e-9);
@@ -319,12 +372,14 @@ TEST(Firi, RefusesBadArguments) {
   const Matrix3Xd none(3, 0), seed = Matrix3Xd::Zero(3, 1);
   const Vector3d one = Vector3d::Ones();
   const auto grow = [&](const Matrix3Xd& points, const FiriOptions& options) {
-    return firi.grow(points, none, -one, one, options, &polytope);
+    return firi.grow(points, {}, -one, one, options, &polytope);
   };
   EXPECT_THROW((void)grow(none, {}), std::invalid_argument);
   EXPECT_THROW((void)grow(seed, {0, 0.0}), std::invalid_argument);
   EXPECT_THROW((void)grow(seed, {2, -0.1}), std::invalid_argument);
   EXPECT_THROW((void)grow(seed, {2, NAN}), std::invalid_argument);
+  EXPECT_THROW((void)grow(seed, {2, 0.0, -0.1}), std::invalid_argument);
+  EXPECT_THROW((void)grow(seed, {2, 0.0, INFINITY}), std::invalid_argument);
 }
 
 TEST(Firi, StatusesHaveNames) {

@@ -38,7 +38,10 @@ class PlainGuidance {
       if (cell == goal_cell) open = true;
       if (!open) return;
       at(cell) = kUnknown;
-      const bool rim = (cell.array() == 0).any() || (cell.array() == size.array() - 1).any();
+      const Vector3i last = size - Vector3i::Ones();
+      bool rim = cell.x() == 0 || cell.y() == 0 || cell.x() == last.x() || cell.y() == last.y();
+      rim = rim || (cell.z() == 0 && low_z < corner.z());  // beyond floor and ceiling only where the space goes on
+      rim = rim || (cell.z() == last.z() && high_z > corner.z() + cell_m * size.z());
       if (!rim && cell != goal_cell) return;
       const Vector3d center = corner + cell_m * (cell.cast<double>().array() + 0.5).matrix();
       seeds.emplace(static_cast<int>((goal - center).cwiseAbs().maxCoeff() / cell_m), cell);
@@ -93,7 +96,7 @@ TEST(GuidanceTest, EqualsAPlainBreadthFirstSearch) {
     for (int i = 0; i < 12; ++i) mark_ball(&standing, 0, in_box(rng, -half, half), uniform(rng, 0.1, 0.7), i % 3 == 0);
     if (trial % 2 == 0) mark_box(&standing, {0, -9, -9}, {0.3, uniform(rng, 0, 1), 99}, 0, 0);
     const Vector3d goal = trial % 5 == 0 ? in_box(rng, -4 * half, 4 * half) : in_box(rng, -half, half);
-    const double low_z = uniform(rng, -1, -0.5), high_z = uniform(rng, 0.4, 9);
+    const double low_z = uniform(rng, -2, -0.5), high_z = uniform(rng, 0.4, 9);
     ASSERT_TRUE(guidance.build(standing, goal, low_z, high_z));
     PlainGuidance plain(standing, goal, low_z, high_z);
     const Vector3d corner = standing.geometry.origin.cast<double>() * 0.1;
