@@ -188,15 +188,14 @@ void PlannerNode::plan(std::int64_t now_us, Outbox& outbox) {
   peer_list_.clear();
   for (const auto& [id, entry] : peers_) peer_list_.push_back(entry.peer);
 
-  PlanRequest request;
-  request.sogm = &map_;
-  request.own = *own_;
-  request.start_utime = now_us + to_us(config_.lead_s);
+  request_.sogm = &map_;
+  request_.own = *own_;
+  request_.start_utime = now_us + to_us(config_.lead_s);
   // Without a goal the robot holds its place, but steps aside like any other.
   if (!hold_) hold_ = own_->at(own_->end_utime()).position;
-  request.goal = goal_.value_or(*hold_);
-  request.peers = &peer_list_;
-  newest_ = &planner_.plan(request);
+  request_.goal = goal_.value_or(*hold_);
+  request_.peers = &peer_list_;
+  newest_ = &planner_.plan(request_);
 
   ++plans_;
   plan_times_.push_back(now_us);

@@ -40,6 +40,7 @@ class PlannerNode : public Node {
   std::int64_t step(std::int64_t now_us, Outbox& outbox) override;
 
   const PlanResult& newest_plan() const { return *newest_; }
+  const PlanRequest& newest_request() const { return request_; }  // what it was made for; only right after the plan
   int plans() const { return plans_; }
   int missed() const { return missed_; }
   const RefusalCounts& refused() const { return refused_; }
@@ -72,6 +73,7 @@ class PlannerNode : public Node {
   };
   std::map<int, PeerEntry> peers_;
   std::vector<Peer> peer_list_;  // of peers_, handed to the planner
+  PlanRequest request_;
 
   const PlanResult* newest_ = nullptr;
   std::deque<std::int64_t> plan_times_;  // within the last second

@@ -8,11 +8,12 @@
 #include <cmath>
 #include <filesystem>
 #include <fstream>
-#include <nlohmann/json.hpp>
 #include <nlopt.hpp>
 #include <random>
 #include <stdexcept>
 #include <utility>
+
+#include "tests/qp_problems.h"
 
 namespace swarm {
 namespace {
@@ -634,20 +635,8 @@ TEST(SplineQp, StoredCorridorProblems) {
   if (!std::filesystem::exists(path)) GTEST_SKIP() << path << " is absent";
   std::ifstream file(path);
   int solved = 0, infeasible = 0;
-  for (std::string line; std::getline(file, line);) {
-    const nlohmann::json json = nlohmann::json::parse(line);
-    SCOPED_TRACE(json["name"].get<std::string>());
-    auto vector = [](const nlohmann::json& j) { return Vector3d(j[0], j[1], j[2]); };
-    auto state = [&](const nlohmann::json& j) { return EndState{vector(j["p"]), vector(j["v"]), vector(j["a"])}; };
-    SplineProblem problem{state(json["start"]), state(json["end"]), json["v_max"], json["a_max"], {}};
-    for (const nlohmann::json& corridor : json["corridors"]) {
-      problem.corridors.emplace_back();
-      for (size_t f = 0; f < corridor["b"].size(); ++f) {
-        add_face(&problem.corridors.back(), vector(corridor["A"][f]), corridor["b"][f]);
-      }
-    }
-    const std::vector<double> durations = json["durations_s"];
-    const int degree = json["degree"];
+  for (const auto& [json, name, degree, durations, problem] : read_qp_problems(file)) {
+    SCOPED_TRACE(name);
     SplineQp qp(degree, durations);
     SplineSolution solution;
     const SplineStatus status = qp.solve(problem, &solution);
