@@ -56,7 +56,7 @@ int CostToGo::frame_at(std::int64_t utime) const {
   return std::clamp(static_cast<int>(std::lround(frames)), 0, num_frames_);
 }
 
-void CostToGo::build(const Sogm& blocked, const Sogm& standing, const Reach& reach, const Eigen::Vector3d& goal,
+void CostToGo::build(const Sogm& blocked, const Guidance* guidance, const Reach& reach, const Eigen::Vector3d& goal,
                      const Eigen::Vector3d& space_min, const Eigen::Vector3d& space_max) {
   lay_out(blocked, goal, reach.speed_mps);
   const double moves_per_frame = reach.speed_mps * 1e-6 * static_cast<double>(frame_duration_us_) * inverse_cell_;
@@ -70,7 +70,8 @@ void CostToGo::build(const Sogm& blocked, const Sogm& standing, const Reach& rea
   const int first = std::max(0, frame_at(reach.utime) - 1);
   for (int frame = first; frame <= num_frames_; ++frame)
     boxes_[static_cast<std::size_t>(frame)] = reached(reach, frame);
-  finish(standing, goal, reach.speed_mps, space_min, space_max);
+  limit_space(space_min.z(), space_max.z(), blocked.geometry.words_per_column());
+  finish(guidance, reach.speed_mps);
   for (int frame = num_frames_ - 1; frame >= first; --frame) {
     const Box& box = boxes_[static_cast<std::size_t>(frame)];
     const int n = moves(frame);
@@ -133,11 +134,9 @@ void CostToGo::lay_out(const Sogm& blocked, const Eigen::Vector3d& goal, double 
   goal_ = ((goal - corner_) * inverse_cell_).array().floor().matrix().cast<int>();
 }
 
-// After the last frame only what stands still is in the way.
-void CostToGo::finish(const Sogm& standing, const Eigen::Vector3d& goal, double speed_mps,
-                      const Eigen::Vector3d& space_min, const Eigen::Vector3d& space_max) {
-  cells_between(corner_.z(), 1.0 / inverse_cell_, size_.z(), space_min.z(), space_max.z(), &space_);
-  in_space_.assign(static_cast<std::size_t>(standing.geometry.words_per_column()), 0);
+void CostToGo::limit_space(double low_z, double high_z, int words_per_column) {
+  cells_between(corner_.z(), 1.0 / inverse_cell_, size_.z(), low_z, high_z, &space_);
+  in_space_.assign(static_cast<std::size_t>(words_per_column), 0);
   shut_ = open_;
   for (std::size_t z = 0; z < static_cast<std::size_t>(size_.z()); ++z) {
     if ((space_[z >> 6] >> (z & 63) & 1) != 0) {
@@ -146,15 +145,20 @@ void CostToGo::finish(const Sogm& standing, const Eigen::Vector3d& goal, double 
       for (std::size_t i = z; i < shut_.size(); i += stride_) shut_[i] = kPenalty;
     }
   }
-  const bool guided = guidance_.build(standing, goal, space_min.z(), space_max.z());
+}
+
+// After the last frame only what stands still is in the way.
+void CostToGo::finish(const Guidance* guidance, double speed_mps) {
   const auto passed = static_cast<Value>(num_frames_ * kTicksPerFrame);
   const auto ticks_per_step = static_cast<float>(1.0 / (speed_mps * tick_s_ * inverse_cell_));
+  around_.assign(straight_[2].size(), -1);
   const Box& box = boxes_.back();
   for (int x = box.first.x(); x <= box.last.x(); ++x) {
     for (int y = box.first.y(); y <= box.last.y(); ++y) {
       const Value side = std::max(straight_[0][static_cast<std::size_t>(x)], straight_[1][static_cast<std::size_t>(y)]);
-      finish_column(straight_[2].data(), side, guided ? guidance_.steps(x, y) : open_.data(), ticks_per_step, passed,
-                    straight_[2].size(), values_.data() + column(num_frames_, x, y));
+      if (guidance != nullptr) guidance->steps(corner_, x, y, size_.z(), around_.data());
+      finish_column(straight_[2].data(), side, around_.data(), ticks_per_step, passed, straight_[2].size(),
+                    values_.data() + column(num_frames_, x, y));
     }
   }
 }

@@ -20,9 +20,8 @@ class CostToGo {
   // Dynamic programming, backwards through the frames of `blocked` (configuration space), over cells of two voxels'
   // edge (closed when all their voxels are occupied) and only where `reach` comes to (and a cell beyond). In a frame
   // the point moves as many cells as the speed allows, along all axes at once; a closed cell may be passed at the price
-  // of kClosedFrames per frame. After the last frame only what stands still is left: `standing`, frame 0, same
-  // geometry.
-  void build(const Sogm& blocked, const Sogm& standing, const Reach& reach, const Eigen::Vector3d& goal,
+  // of kClosedFrames per frame. After the last frame only what stands still is left: `guidance`; null: nothing.
+  void build(const Sogm& blocked, const Guidance* guidance, const Reach& reach, const Eigen::Vector3d& goal,
              const Eigen::Vector3d& space_min, const Eigen::Vector3d& space_max);
 
   static constexpr int kClosedFrames = 10;
@@ -59,8 +58,8 @@ class CostToGo {
                      straight_[2][static_cast<std::size_t>(z)]});
   }
   void lay_out(const Sogm& blocked, const Eigen::Vector3d& goal, double speed_mps);
-  void finish(const Sogm& standing, const Eigen::Vector3d& goal, double speed_mps, const Eigen::Vector3d& space_min,
-              const Eigen::Vector3d& space_max);
+  void finish(const Guidance* guidance, double speed_mps);
+  void limit_space(double low_z, double high_z, int words_per_column);
   Box reached(const Reach& reach, int frame) const;
   void isolate(int frame, const Box& around);
   void stay(int from, int to, const Box& box);
@@ -82,7 +81,7 @@ class CostToGo {
   std::vector<Value> rim_;                            // of a row: kFar between the columns
   std::vector<Value> values_;                         // frame, x, y, z: when the goal is reached, after the first frame
   std::vector<Value> along_z_, along_y_;              // rows of a frame
-  Guidance guidance_;
+  std::vector<Value> around_;                         // steps of the guidance, one column
 };
 
 }  // namespace swarm

@@ -111,6 +111,17 @@ void Guidance::spread(const Cells& cells) {
   }
 }
 
+void Guidance::steps(const Eigen::Vector3d& corner, int x, int y, int n, std::int16_t* out) const {
+  const Eigen::Vector3i moved = ((corner - corner_) * inverse_cell_).array().round().matrix().cast<int>();
+  std::fill_n(out, n, std::int16_t{-1});
+  x += moved.x();
+  y += moved.y();
+  if (x < 0 || x >= size_.x() || y < 0 || y >= size_.y()) return;
+  const int first = std::max(0, -moved.z()), last = std::min(n, size_.z() - moved.z());
+  const std::int16_t* in = steps_.data() + column(x, y) * static_cast<std::size_t>(size_.z()) + moved.z();
+  if (first < last) std::copy(in + first, in + last, out + first);
+}
+
 bool Guidance::build(const Sogm& standing, const Eigen::Vector3d& goal, double space_min_z, double space_max_z) {
   const GridGeometry& grid = standing.geometry;
   if (std::none_of(standing.words.begin(), standing.words.begin() + grid.words_per_frame(),

@@ -28,11 +28,10 @@ class Guidance {
   // Returns false, and gives no guidance, when nothing stands still in the window.
   bool build(const Sogm& standing, const Eigen::Vector3d& goal, double space_min_z, double space_max_z);
 
-  // Least ways to the goal from the cells of a column [steps of one cell], as the largest of the axes' ways; below 0 in
-  // closed cells and where no way is known.
-  const std::int16_t* steps(int x, int y) const {
-    return steps_.data() + column(x, y) * static_cast<std::size_t>(size_.z());
-  }
+  // Least ways to the goal from `n` cells of a column [steps of one cell], as the largest of the axes' ways: below 0 in
+  // closed cells and where no way is known. Cells of a window like that of build() with the given corner (W [m]): a
+  // little later it has moved with the robot. Moved by half a cell, the nearest cells are taken.
+  void steps(const Eigen::Vector3d& corner, int x, int y, int n, std::int16_t* out) const;
 
  private:
   struct Cells {

@@ -12,6 +12,7 @@ namespace {
 
 constexpr std::int64_t kNever = std::numeric_limits<std::int64_t>::max();
 constexpr std::int64_t kCheckStep_us = 10'000;
+constexpr std::int64_t kGuidanceAge_us = 250'000;
 constexpr double kKeepBonus_s = 0.05;  // of the motion already flown where the search got stuck
 constexpr double kWorthwhile = 3.0;    // this much less harm makes the quick way out worth its rough flight
 
@@ -140,9 +141,23 @@ void Planner::compose_standing(const PlanRequest& request) {
   standing_.dilate(still_.map(), config_.radius_m + config_.clearance_m);
 }
 
-void Planner::build_cost_to_go(const PlanRequest& request) {
+// What stands still changes slowly: the same guidance serves several plans.
+void Planner::guide(const PlanRequest& request) {
+  const Sogm& sogm = *request.sogm;
+  const std::int64_t age = sogm.start_utime - guided_utime_;
+  const GridGeometry& before = still_.map().geometry;
+  const bool same = before.size == sogm.geometry.size && before.resolution_m == sogm.geometry.resolution_m;
+  if (same && age > 0 && age < kGuidanceAge_us && request.goal == guided_goal_) return;
   compose_standing(request);
-  cost_to_go_.build(blocked_.map(), standing_.map(), reach_, request.goal, config_.limits.space_min,
+  const SearchLimits& limits = config_.limits;
+  is_guided_ = guidance_.build(standing_.map(), request.goal, limits.space_min.z(), limits.space_max.z());
+  guided_utime_ = sogm.start_utime;
+  guided_goal_ = request.goal;
+}
+
+void Planner::build_cost_to_go(const PlanRequest& request) {
+  guide(request);
+  cost_to_go_.build(blocked_.map(), is_guided_ ? &guidance_ : nullptr, reach_, request.goal, config_.limits.space_min,
                     config_.limits.space_max);
 }
 

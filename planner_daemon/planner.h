@@ -4,6 +4,7 @@
 #include <array>
 #include <cstdint>
 #include <functional>
+#include <limits>
 #include <vector>
 
 #include "map_daemon/dilation.h"
@@ -87,6 +88,7 @@ class Planner {
   void compose(const PlanRequest& request);
   void dilate_emergency_zones();
   void compose_standing(const PlanRequest& request);
+  void guide(const PlanRequest& request);
   SearchStatus search(const PlanRequest& request);
   bool grow_corridors(const PlanRequest& request);
   bool optimize(const PlanRequest& request, Trajectory* smooth);
@@ -113,6 +115,10 @@ class Planner {
   std::vector<std::size_t> still_words_;  // of it, not clear
   PartialSogm wake_;
   Dilator blocked_, near_, tight_, contact_, standing_;
+  Guidance guidance_;  // around what stood still at `guided_utime_`, to `guided_goal_`
+  bool is_guided_ = false;
+  std::int64_t guided_utime_ = 0;
+  Eigen::Vector3d guided_goal_ = Eigen::Vector3d::Constant(std::numeric_limits<double>::quiet_NaN());
   SearchProblem search_problem_;  // refers to the maps above
   SearchResult path_, fine_path_, quick_path_;
   PlanResult result_;

@@ -24,19 +24,19 @@ constexpr int kTicks = 16, kFar = 30'000, kLongest = 15'000;  // per frame; besi
 class PlainCostToGo {
  public:
   using Known = std::function<bool(int frame, const Vector3i& cell)>;
-  PlainCostToGo(const Sogm& blocked, const Sogm& standing, double speed_mps, const Vector3d& goal, double low_z,
+  PlainCostToGo(const Sogm& blocked, const Guidance* guidance, double speed_mps, const Vector3d& goal, double low_z,
                 double high_z, const Known& known)
       : size((blocked.geometry.size + Vector3i::Ones()) / 2) {
     const GridGeometry& grid = blocked.geometry;
     const double cell_m = 2 * grid.resolution_m, frame_s = 1e-6 * static_cast<double>(blocked.frame_duration_us);
     const Vector3d corner = grid.origin.cast<double>() * grid.resolution_m;
-    Guidance guidance;
-    const bool guided = guidance.build(standing, goal, low_z, high_z);
     std::vector<int> later = table([&](const Vector3i& cell) {
       const Vector3d way_m = (goal - corner - cell_m * (cell.cast<double>().array() + 0.5).matrix()).cwiseAbs();
       const double ticks_per_m = kTicks / (frame_s * speed_mps);
       const int straight_ticks = static_cast<int>(std::round(way_m.maxCoeff() * ticks_per_m));
-      const double guided_m = guided ? cell_m * std::max(0, int{guidance.steps(cell.x(), cell.y())[cell.z()]}) : 0.0;
+      std::vector<std::int16_t> steps(static_cast<std::size_t>(size.z()), 0);
+      if (guidance != nullptr) guidance->steps(corner, cell.x(), cell.y(), size.z(), steps.data());
+      const double guided_m = cell_m * std::max(0, int{steps[static_cast<std::size_t>(cell.z())]});
       return std::min(kLongest, std::max(straight_ticks, static_cast<int>(std::floor(guided_m * ticks_per_m + 0.5))));
     });
     straight = table([&](const Vector3i& cell) {
@@ -113,13 +113,15 @@ TEST(CostToGoTest, EqualsAPlainDynamicProgramme) {
       reach.acceleration_mps2 = uniform(rng, 1.0, 5.0) * speed_mps;
       reach.velocity = in_cube(rng, speed_mps);
     }
-    cost_to_go.build(blocked, standing, reach, goal, {-99, -99, low_z}, {99, 99, high_z});
+    Guidance guidance;
+    const Guidance* guided = guidance.build(standing, goal, low_z, high_z) ? &guidance : nullptr;
+    cost_to_go.build(blocked, guided, reach, goal, {-99, -99, low_z}, {99, 99, high_z});
     const Vector3d corner = blocked.geometry.origin.cast<double>() * 0.1;
     const auto known = [&](int frame, const Vector3i& cell) {
       const Vector3d inside = corner + 0.2 * (cell.cast<double>().array() + 0.5).matrix();
       return cost_to_go.cell_of(frame, 0, inside.x()) >= 0 && cost_to_go.cell_of(frame, 1, inside.y()) >= 0;
     };
-    const PlainCostToGo plain(blocked, standing, speed_mps, goal, low_z, high_z, known);
+    const PlainCostToGo plain(blocked, guided, speed_mps, goal, low_z, high_z, known);
     const int first = cost_to_go.frame_at(reach.utime);
     for (int frame = first; frame <= blocked.num_frames; ++frame) {
       (void)plain.table([&](const Vector3i& cell) {
@@ -168,9 +170,8 @@ TEST(CostToGoTest, KnowsHowLongADoorStaysShut) {
   mark_box(&blocked, {0, -9, -9}, {0.4, 9, 9}, 0, 7);
   mark_box(&blocked, {0, -9, -9}, {0.4, -0.3, 9}, 8);
   mark_box(&blocked, {0, 0.3, -9}, {0.4, 9, 9}, 8);
-  const Sogm standing = empty_map({8, 4, 2}, 0.1, 1, kStart, 100'000);
   CostToGo cost_to_go;
-  cost_to_go.build(blocked, standing, {{-0.5, 0, 0}, kStart, 2.0, 2.0}, {6, 0, 0}, {-99, -99, -1}, {99, 99, 1});
+  cost_to_go.build(blocked, nullptr, {{-0.5, 0, 0}, kStart, 2.0, 2.0}, {6, 0, 0}, {-99, -99, -1}, {99, 99, 1});
   const auto delay_s = [&](int frame, double x, double y) {
     return cost_to_go.delay_s(frame, cost_to_go.cell_of(frame, 0, x), cost_to_go.cell_of(frame, 1, y),
                               cost_to_go.cell_of(frame, 2, 0.05));

@@ -104,7 +104,15 @@ TEST(GuidanceTest, EqualsAPlainBreadthFirstSearch) {
       SCOPED_TRACE(testing::Message() << "trial " << trial << " cell " << cell.transpose());
       const Vector3d inside =
           corner + 0.2 * (cell.cast<double>() + in_box(rng, {0.01, 0.01, 0.01}, {0.99, 0.99, 0.99}));
-      ASSERT_EQ(std::max(0, int{guidance.steps(cell.x(), cell.y())[cell.z()]}), std::max(0, plain.at(cell)));
+      // Looked up from a window that has moved since, by less than half a cell more.
+      const Vector3i moved(uniform_int(rng, -2, 2), uniform_int(rng, -2, 2), uniform_int(rng, -2, 2));
+      const Vector3d later = corner + 0.2 * moved.cast<double>() + in_cube(rng, 0.09);
+      const Vector3i from = cell - moved;
+      std::vector<std::int16_t> steps(static_cast<std::size_t>(plain.size.z()), 7);
+      guidance.steps(later, from.x(), from.y(), plain.size.z(), steps.data());
+      if (from.z() >= 0 && from.z() < plain.size.z()) {
+        ASSERT_EQ(std::max(0, int{steps[static_cast<std::size_t>(from.z())]}), std::max(0, plain.at(cell)));
+      }
       ++cells;
       closed += plain.at(cell) == PlainGuidance::kClosed;
       detours += 0.2 * plain.at(cell) > (goal - inside).cwiseAbs().maxCoeff() + 0.4;
@@ -112,6 +120,28 @@ TEST(GuidanceTest, EqualsAPlainBreadthFirstSearch) {
   }
   EXPECT_GT(closed, cells / 50);
   EXPECT_GT(detours, cells / 200);
+}
+
+TEST(GuidanceTest, KnowsNothingOutsideItsWindow) {
+  Guidance guidance;
+  Sogm standing = empty_map({2, 2, 2}, 0.1, 1, 0, 100'000);
+  mark_box(&standing, {-0.5, -0.5, -0.5}, {0.5, 0.5, 0.5});
+  ASSERT_TRUE(guidance.build(standing, Vector3d(0.8, 0, 0), -1, 1));
+  const auto steps = [&](const Vector3d& corner, int x, int y) {
+    std::vector<std::int16_t> out(10, 7);
+    guidance.steps(corner, x, y, 10, out.data());
+    return out;
+  };
+  const std::vector<std::int16_t> none(10, -1), there = steps({-1, -1, -1}, 0, 0);
+  EXPECT_GT(there[0], 0);
+  EXPECT_EQ(steps({-1, -1, -1}, 10, 0), none);
+  EXPECT_EQ(steps({-1, -1, -1}, 0, -1), none);
+  EXPECT_EQ(steps({-1, -1, 1.0}, 0, 0), none);
+  EXPECT_EQ(steps({-1, -1, -3.0}, 0, 0), none);
+  const std::vector<std::int16_t> higher = steps({-1, -1, -0.6}, 0, 0);
+  EXPECT_EQ(higher[0], there[2]);
+  EXPECT_EQ(higher[7], there[9]);
+  EXPECT_EQ(higher[8], -1);
 }
 
 TEST(GuidanceTest, SaysNothingWhereNothingStands) {

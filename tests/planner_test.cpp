@@ -439,7 +439,9 @@ TEST(PlannerTest, SmoothingLowersTheJerkOfTheSearchedPathInsideItsCorridors) {
     problem.tight = &tight;
     problem.contact = &contact;
     CostToGo cost_to_go;
-    cost_to_go.build(blocked, standing, reach, request.goal, limits.space_min, limits.space_max);
+    Guidance guidance;
+    const bool guided = guidance.build(standing, request.goal, limits.space_min.z(), limits.space_max.z());
+    cost_to_go.build(blocked, guided ? &guidance : nullptr, reach, request.goal, limits.space_min, limits.space_max);
     problem.cost_to_go = &cost_to_go;
     SearchResult path;
     SCOPED_TRACE(testing::Message() << "trial " << trial << ": " << describe(request, result));
