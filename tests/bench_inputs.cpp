@@ -1,7 +1,6 @@
 #include "tests/bench_inputs.h"
 
 #include <lcm/lcm-cpp.hpp>
-#include <memory>
 
 #include "swarm_sim/lockstep.h"
 #include "swarm_sim/trial.h"
@@ -52,7 +51,7 @@ RecordedFlight record_flight(const std::string& task, const std::string& environ
     if (plans % stride == 0) flight.inputs.push_back(copy_of(node.newest_request()));
   };
   while (const lcm::LogEvent* event = log.readNextEvent()) {
-    for (; wake_us > 0 && wake_us < event->timestamp;) step(wake_us);
+    while (wake_us > 0 && wake_us < event->timestamp) step(wake_us);
     const auto* bytes = static_cast<const std::uint8_t*>(event->data);
     node.on_message(event->timestamp, BusId::kOnboard, event->channel,
                     {bytes, static_cast<std::size_t>(event->datalen)}, outbox);

@@ -1,6 +1,7 @@
 // What benchmarks work on: planning requests as they come up in flight.
 #pragma once
 
+#include <memory>
 #include <string>
 #include <vector>
 

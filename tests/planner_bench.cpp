@@ -8,9 +8,13 @@
 #include <cstdio>
 #include <cstring>
 #include <fstream>
+#include <functional>
 #include <iostream>
 #include <map>
 #include <memory>
+#include <stdexcept>
+#include <string>
+#include <vector>
 
 #include "map_daemon/sogm_codec.h"
 #include "tests/bench_inputs.h"
@@ -240,11 +244,11 @@ int bench(int argc, char** argv) {
       throw std::runtime_error(std::string(argv[2]) + ": " + error.what());
     }
   }
-  benchmark::Initialize(&argc, argv);
   if (argc == 2 && (std::strcmp(argv[1], "--help") == 0 || std::strcmp(argv[1], "-h") == 0)) {
     std::cout << kUsage;
     return 0;
   }
+  benchmark::Initialize(&argc, argv);
   if (argc > 1) throw std::runtime_error(std::string("unknown argument ") + argv[1] + "\n" + kUsage);
   std::fprintf(stderr, "planner_bench: flying two worlds for their inputs\n");
   std::vector<std::unique_ptr<RecordedFlight>> flights;
