@@ -65,17 +65,9 @@ void PartialSogm::lay_out(const GridGeometry& geometry, int num_frames, std::int
 void PartialSogm::claim(int frame, const Columns& columns) {
   Columns& before = written_[static_cast<std::size_t>(frame)];
   const int words = map_.geometry.words_per_column();
-  for (int x = before.first.x(); x <= before.last.x(); ++x) {
-    const auto clear = [&](int first_y, int last_y) {
-      if (first_y <= last_y) std::fill_n(column(frame, x, first_y), (last_y - first_y + 1) * words, 0);
-    };
-    if (columns.empty() || x < columns.first.x() || x > columns.last.x()) {
-      clear(before.first.y(), before.last.y());
-    } else {
-      clear(before.first.y(), std::min(before.last.y(), columns.first.y() - 1));
-      clear(std::max(before.first.y(), columns.last.y() + 1), before.last.y());
-    }
-  }
+  for_each_outside(before, columns, [&](int x, int first_y, int last_y) {
+    std::fill_n(column(frame, x, first_y), (last_y - first_y + 1) * words, 0);
+  });
   before = columns;
 }
 

@@ -1,6 +1,7 @@
 // SOGMs of which only what a robot can reach is worked out: the rest would never be looked at.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <limits>
 #include <vector>
@@ -37,6 +38,23 @@ struct Columns {
 };
 
 Columns all_columns(const GridGeometry& geometry);
+
+// visit(x, first_y, last_y) for the rows of `all`, as far as they are not in `kept`.
+template <class Visit>
+void for_each_outside(const Columns& all, const Columns& kept, const Visit& visit) {
+  for (int x = all.first.x(); x <= all.last.x(); ++x) {
+    const auto row = [&](int first_y, int last_y) {
+      if (first_y <= last_y) visit(x, first_y, last_y);
+    };
+    if (kept.empty() || x < kept.first.x() || x > kept.last.x()) {
+      row(all.first.y(), all.last.y());
+    } else {
+      row(all.first.y(), std::min(all.last.y(), kept.first.y() - 1));
+      row(std::max(all.first.y(), kept.last.y() + 1), all.last.y());
+    }
+  }
+}
+
 // What `reach` comes to while the frame is in force (the last one stays for ever) or up to `linger_s` later; at most a
 // voxel more to each side.
 Columns reached(const Sogm& sogm, int frame, const Reach& reach, double linger_s = 0.0);

@@ -165,20 +165,10 @@ void CostToGo::finish(const Guidance* guidance, double speed_mps) {
 
 // Far away: what the robot does not reach of `around`.
 void CostToGo::isolate(int frame, const Box& around) {
-  const Box& box = boxes_[static_cast<std::size_t>(frame)];
-  const auto fill = [&](int x, int first_y, int last_y) {
-    if (first_y > last_y) return;
-    std::fill_n(values_.data() + column(frame, x, first_y), static_cast<std::size_t>(last_y - first_y + 1) * stride_,
-                kFar);
-  };
-  for (int x = around.first.x(); x <= around.last.x(); ++x) {
-    if (x < box.first.x() || x > box.last.x()) {
-      fill(x, around.first.y(), around.last.y());
-    } else {
-      fill(x, around.first.y(), std::min(around.last.y(), box.first.y() - 1));
-      fill(x, std::max(around.first.y(), box.last.y() + 1), around.last.y());
-    }
-  }
+  const auto columns = [](const Box& box) { return Columns{box.first.head<2>(), box.last.head<2>()}; };
+  for_each_outside(columns(around), columns(boxes_[static_cast<std::size_t>(frame)]), [&](int x, int from, int to) {
+    std::fill_n(values_.data() + column(frame, x, from), static_cast<std::size_t>(to - from + 1) * stride_, kFar);
+  });
 }
 
 // The point stays where it is: a frame too short for one cell.

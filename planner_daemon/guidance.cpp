@@ -19,8 +19,8 @@ std::uint64_t even_bits(std::uint64_t bits) {
   return (bits | bits >> 16) & 0x00000000ffffffff;
 }
 
-}  // namespace
-
+// Cells of two voxels' edge: bit z of `open` is clear when all voxels of cell (x, y, z) are occupied in that frame, or
+// when it lies above the window. `open` holds as many words as cover half the window's height.
 void open_cells(const Sogm& grid, int frame, int x, int y, std::uint64_t* open) {
   const Eigen::Vector3i& size = grid.geometry.size;
   const int words = grid.geometry.words_per_column(), tail = size.z() % 64;
@@ -39,6 +39,8 @@ void open_cells(const Sogm& grid, int frame, int x, int y, std::uint64_t* open) 
     }
   }
 }
+
+}  // namespace
 
 void cells_between(double bottom_m, double cell_m, int num_cells, double low_m, double high_m,
                    std::vector<std::uint64_t>* bits) {

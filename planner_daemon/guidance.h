@@ -11,10 +11,6 @@
 
 namespace swarm {
 
-// Cells of two voxels' edge: bit z of `open` is clear when all voxels of cell (x, y, z) are occupied in that frame, or
-// when it lies above the window. `open` holds as many words as cover half the window's height.
-void open_cells(const Sogm& grid, int frame, int x, int y, std::uint64_t* open);
-
 // The bits of those of `num_cells` cells of a column, the lowest with its bottom at `bottom_m`, that reach into (low_m,
 // high_m).
 void cells_between(double bottom_m, double cell_m, int num_cells, double low_m, double high_m,

@@ -1,6 +1,8 @@
 // The programs as an operator meets them: what is wrong is told in one line, --help and --print-config tell the truth,
 // SIGTERM ends them, and garbage on the bus is only counted.
+#include <nlohmann/json.hpp>
 #include <random>
+#include <sstream>
 
 #include "lcmtypes/bus/channels.h"
 #include "lcmtypes/bus/lcm_bus.h"
@@ -18,6 +20,15 @@ constexpr const char* kGoodWorld = R"({"name": "two",
  "robots": [{"id": 0, "start": [-3,0,1], "goal": [3,0,1], "radius": 0.2},
   {"id": 1, "start": [3,0,1], "goal": [-3,0,1], "radius": 0.2}],
  "obstacles": [{"shape": "column", "center": [0,5], "diameter": 0.8, "height": 4.0}]})";
+
+// Rest to rest along x without corridors' faces; `x` m in 2 s.
+std::string qp_line(const std::string& name, double x) {
+  std::ostringstream line;
+  line << R"({"name": ")" << name << R"(", "degree": 5, "durations_s": [1, 1], "v_max": 2, "a_max": 6,)"
+       << R"( "start": {"p": [0,0,0], "v": [0,0,0], "a": [0,0,0]}, "end": {"p": [)" << x
+       << R"(,0,0], "v": [0,0,0], "a": [0,0,0]}, "corridors": [{"A": [], "b": []}, {"A": [[0,1,0]], "b": [1]}]})";
+  return line.str();
+}
 
 // Exit code 2 and one line on standard error that holds all of `texts`.
 void expect_complaint(const Words& words, const std::vector<std::string>& texts) {
@@ -357,6 +368,32 @@ TEST(Daemons, CountGarbageAndGoOn) {
       {channel::kSogm, channel::kOwnTrajectory, channel::kPeerTrajectory, channel::kGoal});
   expect_garbage_is_counted<broadcast_status_t>("broadcast_daemon", channel::kBroadcastStatus,
                                                 {channel::kRobotState, channel::kCandidate}, {channel::kTrajectory});
+}
+
+TEST(PlannerBench, SolvesStoredProblems) {
+  TemporaryDirectory directory;
+  const std::string file = directory / "problems.jsonl";
+  write_text(file, qp_line("near", 1.0) + "\n" + qp_line("far", 5.0) + "\n");
+  const Finished solved = run_program({"planner_bench", "--problems", file});
+  EXPECT_EQ(solved.exit_code, 0) << solved.err;
+  std::istringstream out(solved.out);
+  std::vector<nlohmann::json> lines;
+  for (std::string line; std::getline(out, line);) lines.push_back(nlohmann::json::parse(line));
+  ASSERT_EQ(lines.size(), 2u);
+  EXPECT_EQ(lines[0]["name"], "near");
+  EXPECT_EQ(lines[0]["status"], "solved");
+  EXPECT_NEAR(lines[0]["jerk_integral"], 720.0 / 32.0, 0.03);  // the quintic from rest to rest: 720 x^2 / T^5
+  EXPECT_LT(lines[0]["violation"], 1e-6);
+  EXPECT_GT(lines[0]["time_us"], 0.0);
+  EXPECT_EQ(lines[1]["name"], "far");
+  EXPECT_EQ(lines[1]["status"], "infeasible");
+  EXPECT_TRUE(lines[1]["jerk_integral"].is_null());
+
+  write_text(file, qp_line("near", 1.0) + "\n" + replaced(qp_line("short", 1.0), "[0,1,0]", "[0,1]") + "\n");
+  expect_complaint({"planner_bench", "--problems", file}, {file, "line 2", "3 components"});
+  write_text(file, "");
+  expect_complaint({"planner_bench", "--problems", file}, {file, "no problem"});
+  expect_complaint({"planner_bench", "--problems", directory / "none"}, {"none", "cannot be read"});
 }
 
 }  // namespace

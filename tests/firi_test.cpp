@@ -1,4 +1,5 @@
-// The polytopes of FIRI; its ellipsoid is in inscribed_ellipsoid_test.cpp.
+// The polytopes of FIRI; its ellipsoid is in inscribed_ellipsoid_test.cpp. Long because every promise is checked on
+// seeds of every rank, and once more for runs of points.
 #include "planner_daemon/firi.h"
 
 #include <gtest/gtest.h>
@@ -364,6 +365,25 @@ TEST(Firi, ThousandsOfObstacles) {
             FiriStatus::kGrown);
   expect_sound(scene, polytope);
   for (Eigen::Index i = 0; i < 20000; ++i) ASSERT_GE(cube_clearance(polytope, scene.obstacles.col(i), 0.05), -1e-9);
+}
+
+// Points of one sphere exclude each other's neighbours no farther than themselves: a face each.
+TEST(Firi, MoreFacesThanAPolytopeHoldsAreSaidAndGiveNone) {
+  Rng rng(7);
+  Scene scene;
+  scene.seed = Matrix3Xd::Zero(3, 1);
+  scene.box_around(2.0);
+  Polytope polytope;
+  for (const int points : {Polytope::kMaxFaces - 6, Polytope::kMaxFaces - 5}) {
+    scene.obstacles.resize(3, points);
+    for (int i = 0; i < points; ++i) scene.obstacles.col(i) = direction(rng);
+    scene.options.iterations = 1;
+    const FiriStatus status =
+        Firi().grow(scene.seed, runs_of(scene.obstacles), scene.lower, scene.upper, scene.options, &polytope);
+    const bool fits = points + 6 <= Polytope::kMaxFaces;
+    EXPECT_EQ(status, fits ? FiriStatus::kGrown : FiriStatus::kTooManyFaces);
+    EXPECT_EQ(polytope.num_faces(), fits ? points + 6 : 0);
+  }
 }
 
 TEST(Firi, RefusesBadArguments) {

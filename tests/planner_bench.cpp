@@ -98,7 +98,8 @@ class Table : public benchmark::BenchmarkReporter {
   }
 };
 
-// All steps on one recorded flight. Every call comes after a whole plan, so that caches are as cold as in flight.
+// All steps on one recorded flight. Every call comes after a whole plan, so that caches are as cold as in flight. The
+// requests lie so far apart that each plan makes its guidance anew, which in flight every fifth does.
 class Bench {
  public:
   explicit Bench(const RecordedFlight& flight)

@@ -386,6 +386,29 @@ TEST(PlannerTest, StuckItKeepsAnEarlierPlanThatEndsNearerToTheGoal) {
   EXPECT_TRUE(hasty.plan(request).fly) << "the own motion flies into a wall";
 }
 
+// A wall appears before the goal: the way around it is known at once for another goal, otherwise a quarter of a second
+// after the guidance was made.
+TEST(PlannerTest, GuidanceServesPlansForAWhile) {
+  Planner planner(flat_config());
+  const auto detour_s = [&](std::int64_t utime, bool walled, const Vector3d& goal) {
+    Sogm sogm = map_at(utime);
+    if (walled) mark_box(&sogm, {3.0, -2.0, -9}, {3.4, 2.0, 9});
+    planner.plan(make_request(sogm, hovering({0.03, 0.03, 0.02}), goal));
+    const CostToGo& to_go = *planner.search_problem().cost_to_go;
+    return to_go.delay_s(kFrames, to_go.cell_of(kFrames, 0, 2.3), to_go.cell_of(kFrames, 1, 0.1),
+                         to_go.cell_of(kFrames, 2, 0.1));
+  };
+  const Vector3d goal(4.5, 0.1, 0.1);
+  EXPECT_EQ(detour_s(kStart, false, goal), 0.0);
+  EXPECT_EQ(detour_s(kStart + 100'000, true, goal), 0.0);
+  EXPECT_EQ(detour_s(kStart + 240'000, true, goal), 0.0);
+  EXPECT_GT(detour_s(kStart + 250'000, true, goal), 0.3);
+  EXPECT_GT(detour_s(kStart + 300'000, false, goal), 0.3);
+  EXPECT_EQ(detour_s(kStart + 310'000, false, {4.5, 0.2, 0.1}), 0.0);
+  EXPECT_GT(detour_s(kStart + 310'000, true, {4.5, 0.2, 0.1}), 0.3);  // the time has not moved on: another log, a reset
+  EXPECT_EQ(detour_s(kStart, false, {4.5, 0.2, 0.1}), 0.0);
+}
+
 double jerk_integral(const Trajectory& trajectory) {
   double sum = 0.0;
   for (std::int64_t t = trajectory.start_utime() + 500; t < trajectory.end_utime(); t += 1000) {
