@@ -4,24 +4,43 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <vector>
 
-#include "map_daemon/partial_sogm.h"
+#include "map_daemon/reach.h"
 
 namespace swarm {
 
-// Keeps its workspace and its result, so that repeated dilations of equally large grids allocate nothing.
+// Occupied voxels of a box of columns: the words of its rows along x lie `row` words apart, from `words` on.
+struct Layer {
+  Columns columns;
+  const std::uint64_t* words = nullptr;
+  std::size_t row = 0;
+};
+Layer layer_of(const Sogm& sogm, int frame);
+
+// Keeps its workspace, so that repeated dilations of equally large boxes allocate nothing.
 class Dilator {
  public:
-  // A voxel of the result is set when an occupied voxel of the same frame lies within `radius_m` (<=) of it, centre to
-  // centre. Offset d (in voxels) counts as within the radius when |d|^2 <= (radius / resolution)^2 + 1e-9, so that a
-  // radius of 0.3 m at 0.1 m reaches three voxels whatever the rounding of 0.3 / 0.1. Nothing outside the window is
-  // taken to be occupied. With a `reach`, only columns that it comes to while the frame is in force or up to `linger_s`
-  // later; the others are clear. Throws std::invalid_argument when the radius is negative or not finite. The result is
-  // valid until the next call, like map().
-  const Sogm& dilate(const Sogm& in, double radius_m, const Reach* reach = nullptr, double linger_s = 0.0);
+  // A voxel of the result is set when an occupied voxel lies within `radius_m` (<=) of it, centre to centre. Offset d
+  // (in voxels) counts as within the radius when |d|^2 <= (radius / resolution)^2 + 1e-9, so that a radius of 0.3 m at
+  // 0.1 m reaches three voxels whatever the rounding of 0.3 / 0.1. Nothing outside the window is taken to be occupied.
+  // Throws std::invalid_argument when the radius is negative or not finite.
+  void set(const GridGeometry& geometry, double radius_m);
 
-  const Sogm& map() const { return out_.map(); }
+  // How many columns the ball reaches to each side.
+  int reach() const { return std::max(reach_x_, reach_y_); }
+
+  // The union of the layers, dilated, in these columns (not none): all their words are set, from `out` on, rows along x
+  // `out_row` words apart. The layers hold no bits outside the window.
+  void dilate(std::span<const Layer> layers, const Columns& columns, std::uint64_t* out, std::size_t out_row);
+
+  // The same, but only column stride i + stride / 2 for each i of `cells` (not none), and likewise along y; all of them
+  // inside the window. Their words go to `out`, row after row along x.
+  void sample(std::span<const Layer> layers, int stride, const Columns& cells, std::uint64_t* out);
+
+  // A whole map; keeps the allocation of `out` when it suffices.
+  void dilate(const Sogm& in, double radius_m, Sogm* out);
 
  private:
   // Half-width along z [voxels] of the ball at offset (i, j); -1 outside the ball.
@@ -33,19 +52,24 @@ class Dilator {
   std::uint64_t* plane(int h, int w) {
     return planes_.data() + (static_cast<std::size_t>(h) * (words_ + 2) + w + 1) * plane_size_;
   }
-  void shape_ball(const GridGeometry& geometry, double radius_m);
+  void shape_ball();
+  void sort_offsets();
+  bool gather(std::span<const Layer> layers, const Columns& columns);  // false: nothing there
+  void spread();
+  void spread_by_one(const std::uint64_t* in, std::size_t n, std::uint64_t* out) const;
   void slice_ball(int w);
-  bool load(const Sogm& in, int frame, const Columns& columns);  // false: nothing there
-  void dilate_columns(const Sogm& in, int frame, const Columns& columns);
 
-  PartialSogm out_;
-  int reach_x_ = 0, reach_y_ = 0, reach_z_ = 0;  // extent of the ball, at most the window's
-  int words_ = 0;                                // per column
+  Eigen::Vector3i size_ = Eigen::Vector3i::Zero();  // of the window
+  double squared_ = -1.0;                           // of the radius [voxels^2], rounded down
+  int reach_x_ = 0, reach_y_ = 0, reach_z_ = 0;     // extent of the ball, at most the window's
+  int words_ = 0;                                   // per column
   std::vector<int> half_widths_;
   std::size_t row_ = 0, plane_size_ = 0;  // words
   std::vector<std::uint64_t> planes_, covered_, sum_;
   std::vector<const std::uint64_t*> slices_;  // by offset along x: the plane of what the ball's slice covers
   std::vector<const std::uint64_t*> sources_;
+  std::vector<std::vector<Eigen::Vector2i>> offsets_;  // of the ball, by half-width
+  std::vector<std::uint64_t> row_sums_;
 };
 
 void dilate(const Sogm& in, double radius_m, Sogm* out);

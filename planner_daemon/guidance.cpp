@@ -9,59 +9,39 @@ namespace {
 
 constexpr int kMaxSteps = 4000;
 
-// The even bits of a word, close together.
-std::uint64_t even_bits(std::uint64_t bits) {
-  bits &= 0x5555555555555555;
-  bits = (bits | bits >> 1) & 0x3333333333333333;
-  bits = (bits | bits >> 2) & 0x0f0f0f0f0f0f0f0f;
-  bits = (bits | bits >> 4) & 0x00ff00ff00ff00ff;
-  bits = (bits | bits >> 8) & 0x0000ffff0000ffff;
-  return (bits | bits >> 16) & 0x00000000ffffffff;
-}
-
-// Cells of two voxels' edge: bit z of `open` is clear when all voxels of cell (x, y, z) are occupied in that frame, or
-// when it lies above the window. `open` holds as many words as cover half the window's height.
-void open_cells(const Sogm& grid, int frame, int x, int y, std::uint64_t* open) {
-  const Eigen::Vector3i& size = grid.geometry.size;
-  const int words = grid.geometry.words_per_column(), tail = size.z() % 64;
-  const std::uint64_t beyond = tail == 0 ? 0 : ~std::uint64_t{0} << tail;  // voxels above the window: never open
-  const int dx = 2 * x + 1 < size.x() ? 1 : 0, dy = 2 * y + 1 < size.y() ? 1 : 0;
-  const std::uint64_t* columns[4] = {grid.column(frame, 2 * x, 2 * y), grid.column(frame, 2 * x + dx, 2 * y),
-                                     grid.column(frame, 2 * x, 2 * y + dy), grid.column(frame, 2 * x + dx, 2 * y + dy)};
-  for (int w = 0; w < words; ++w) {
-    std::uint64_t closed = columns[0][w] & columns[1][w] & columns[2][w] & columns[3][w];
-    if (w == words - 1) closed |= beyond;
-    const std::uint64_t bits = even_bits(~(closed & closed >> 1));
-    if (w % 2 == 0) {
-      open[w / 2] = bits;
-    } else {
-      open[w / 2] |= bits << 32;
-    }
-  }
-}
-
 }  // namespace
 
-void cells_between(double bottom_m, double cell_m, int num_cells, double low_m, double high_m,
-                   std::vector<std::uint64_t>* bits) {
-  std::vector<std::uint64_t>& cells = *bits;
-  cells.assign((static_cast<std::size_t>(num_cells) + 63) / 64, 0);
+CellSpan cells_between(double bottom_m, double cell_m, int num_cells, double low_m, double high_m) {
+  CellSpan span{num_cells, -1};
   for (int z = 0; z < num_cells; ++z) {
     const double bottom = bottom_m + z * cell_m;
-    if (bottom + cell_m > low_m && bottom < high_m)
-      cells[static_cast<std::size_t>(z >> 6)] |= std::uint64_t{1} << (z & 63);
+    if (bottom + cell_m > low_m && bottom < high_m) span = {std::min(span.first, z), z};
   }
+  return span;
 }
 
-void Guidance::open_space(const Sogm& standing, double space_min_z, double space_max_z) {
-  cells_between(corner_.z(), cell_m_, size_.z(), space_min_z, space_max_z, &space_);
-  for (int x = 0; x < size_.x(); ++x) {
-    for (int y = 0; y < size_.y(); ++y) {
-      std::uint64_t* open = open_.data() + column(x, y) * static_cast<std::size_t>(words_);
-      open_cells(standing, 0, x, y, open);
-      for (int w = 0; w < words_; ++w) open[w] &= space_[static_cast<std::size_t>(w)];
+// False: nothing is closed.
+bool Guidance::open_space(const Occupancy& standing, double blocked_m, const CellSpan& space) {
+  const GridGeometry& grid = standing.sogm->geometry;
+  const auto words = static_cast<std::size_t>(grid.words_per_column());
+  const Columns all{Eigen::Vector2i::Zero(), size_.head<2>() - Eigen::Vector2i::Ones()};
+  layers_.clear();
+  standing.append_layers(0, all_columns(grid), &layers_);
+  closed_.resize(static_cast<std::size_t>(size_.x() * size_.y()) * words);
+  dilator_.set(grid, cell_radius_m(blocked_m, grid.resolution_m));
+  dilator_.sample(layers_, kCellVoxels, all, closed_.data());
+  std::uint64_t any = 0;
+  std::fill(open_.begin(), open_.end(), 0);
+  for (std::size_t i = 0; i < closed_.size() / words; ++i) {
+    const std::uint64_t* closed = closed_.data() + i * words;
+    for (std::size_t w = 0; w < words; ++w) any |= closed[w];
+    std::uint64_t* open = open_.data() + i * static_cast<std::size_t>(words_);
+    for (int z = space.first; z <= space.last; ++z) {
+      const int voxel = middle_of(z);
+      open[z >> 6] |= (~closed[voxel >> 6] >> (voxel & 63) & 1) << (z & 63);
     }
   }
+  return any != 0;
 }
 
 // Sources of the search: cells from which the way to the goal is straight.
@@ -113,37 +93,39 @@ void Guidance::spread(const Cells& cells) {
   }
 }
 
-void Guidance::steps(const Eigen::Vector3d& corner, int x, int y, int n, std::int16_t* out) const {
+const std::int16_t* Guidance::steps(const Eigen::Vector3d& corner, int x, int y, int n, std::int16_t* scratch) const {
   const Eigen::Vector3i moved = ((corner - corner_) * inverse_cell_).array().round().matrix().cast<int>();
-  std::fill_n(out, n, std::int16_t{-1});
   x += moved.x();
   y += moved.y();
-  if (x < 0 || x >= size_.x() || y < 0 || y >= size_.y()) return;
+  const bool inside = x >= 0 && x < size_.x() && y >= 0 && y < size_.y();
   const int first = std::max(0, -moved.z()), last = std::min(n, size_.z() - moved.z());
-  const std::int16_t* in = steps_.data() + column(x, y) * static_cast<std::size_t>(size_.z()) + moved.z();
-  if (first < last) std::copy(in + first, in + last, out + first);
+  const std::int16_t* in =
+      inside ? steps_.data() + column(x, y) * static_cast<std::size_t>(size_.z()) + moved.z() : nullptr;
+  if (inside && first == 0 && last == n) return in;
+  std::fill_n(scratch, n, std::int16_t{-1});
+  if (inside && first < last) std::copy(in + first, in + last, scratch + first);
+  return scratch;
 }
 
-bool Guidance::build(const Sogm& standing, const Eigen::Vector3d& goal, double space_min_z, double space_max_z) {
-  const GridGeometry& grid = standing.geometry;
-  if (std::none_of(standing.words.begin(), standing.words.begin() + grid.words_per_frame(),
-                   [](std::uint64_t word) { return word != 0; })) {
-    return false;
-  }
-  cell_m_ = 2 * grid.resolution_m;
+bool Guidance::build(const Occupancy& standing, double blocked_m, const Eigen::Vector3d& goal, double space_min_z,
+                     double space_max_z) {
+  const GridGeometry& grid = standing.sogm->geometry;
+  cell_m_ = kCellVoxels * grid.resolution_m;
   inverse_cell_ = 1.0 / cell_m_;
   corner_ = grid.origin.cast<double>() * grid.resolution_m;
-  size_ = (grid.size + Eigen::Vector3i::Ones()) / 2;
+  size_ = cells_in(grid);
+  if ((size_.array() <= 0).any()) return false;
   words_ = (size_.z() + 63) / 64;
   const std::size_t columns = column(size_.x() - 1, size_.y() - 1) + 1;
   open_.resize(columns * static_cast<std::size_t>(words_));
   pending_.assign(open_.size(), 0);
   steps_.assign(columns * static_cast<std::size_t>(size_.z()), -1);
-  open_space(standing, space_min_z, space_max_z);
+  const CellSpan space = cells_between(corner_.z(), cell_m_, size_.z(), space_min_z, space_max_z);
+  if (!open_space(standing, blocked_m, space)) return false;
 
   for (auto& seeds : seeds_) seeds.clear();
-  const Eigen::Vector3i goal_cell(cell_of(0, goal.x()), cell_of(1, goal.y()), cell_of(2, goal.z()));
-  if (goal_cell.minCoeff() >= 0) {
+  const Eigen::Vector3i goal_cell = ((goal - corner_) * inverse_cell_).array().floor().matrix().cast<int>();
+  if ((goal_cell.array() >= 0).all() && (goal_cell.array() < size_.array()).all()) {
     const int w = goal_cell.z() >> 6;
     const std::uint64_t bit = std::uint64_t{1} << (goal_cell.z() & 63);
     // An occupied goal is still where to go.

@@ -7,27 +7,47 @@
 #include <cstdint>
 #include <vector>
 
-#include "map_daemon/sogm.h"
+#include "planner_daemon/swept_volume.h"
 
 namespace swarm {
 
-// The bits of those of `num_cells` cells of a column, the lowest with its bottom at `bottom_m`, that reach into (low_m,
-// high_m).
-void cells_between(double bottom_m, double cell_m, int num_cells, double low_m, double high_m,
-                   std::vector<std::uint64_t>* bits);
+// Cells of the guidance and of the cost to go: so many voxels along each edge, from the window's corner on. A cell
+// counts where its middle voxel lies inside the window.
+inline constexpr int kCellVoxels = 3;
+constexpr int middle_of(int cell) {
+  return kCellVoxels * cell + kCellVoxels / 2;
+}
+inline Eigen::Vector3i cells_in(const GridGeometry& grid) {
+  return (grid.size.array() + (kCellVoxels - 1 - kCellVoxels / 2)) / kCellVoxels;
+}
+
+// A cell is closed when its middle voxel lies within this of something occupied: then nearly all of its voxels lie
+// within `blocked_m`, so that a gap of the free space that is narrower than a cell stays open.
+inline double cell_radius_m(double blocked_m, double resolution_m) {
+  return std::max(0.0, blocked_m - 0.5 * (kCellVoxels - 1) * resolution_m);
+}
+
+// Cells [first, last] of a column; none when the first is above the last.
+struct CellSpan {
+  int first = 0, last = -1;
+  bool holds(int cell) const { return cell >= first && cell <= last; }
+};
+// Those of `num_cells` cells, the lowest with its bottom at `bottom_m`, that reach into (low_m, high_m).
+CellSpan cells_between(double bottom_m, double cell_m, int num_cells, double low_m, double high_m);
 
 class Guidance {
  public:
-  // Breadth-first distances to `goal` over cells of two voxels' edge, 64 cells at a time; a cell is closed when all its
-  // voxels are occupied in `standing` (frame 0: configuration space of what never moves) or lie outside [space_min,
-  // space_max] (z only: sideways the flight space is open in practice). Beyond the window everything counts as open.
-  // Returns false, and gives no guidance, when nothing stands still in the window.
-  bool build(const Sogm& standing, const Eigen::Vector3d& goal, double space_min_z, double space_max_z);
+  // Breadth-first distances to `goal`, 64 cells at a time, among what is occupied in frame 0 of `standing`; a cell
+  // outside [space_min, space_max] is closed (z only: sideways the flight space is open in practice). Beyond the window
+  // everything counts as open. Returns false, and gives no guidance, when nothing stands still in the window.
+  bool build(const Occupancy& standing, double blocked_m, const Eigen::Vector3d& goal, double space_min_z,
+             double space_max_z);
 
   // Least ways to the goal from `n` cells of a column [steps of one cell], as the largest of the axes' ways: below 0 in
   // closed cells and where no way is known. Cells of a window like that of build() with the given corner (W [m]): a
-  // little later it has moved with the robot. Moved by half a cell, the nearest cells are taken.
-  void steps(const Eigen::Vector3d& corner, int x, int y, int n, std::int16_t* out) const;
+  // little later it has moved with the robot. Moved by a part of a cell, the nearest cells are taken. Points into this
+  // guidance, or to `scratch` of n values.
+  const std::int16_t* steps(const Eigen::Vector3d& corner, int x, int y, int n, std::int16_t* scratch) const;
 
  private:
   struct Cells {
@@ -35,26 +55,24 @@ class Guidance {
     std::uint64_t bits;
   };
   std::size_t column(int x, int y) const { return static_cast<std::size_t>(x) * size_.y() + y; }
-  int cell_of(int axis, double coordinate) const {  // -1 outside the window
-    const double cell = (coordinate - corner_[axis]) * inverse_cell_;
-    return cell >= 0.0 && cell < size_[axis] ? static_cast<int>(cell) : -1;
-  }
-  void open_space(const Sogm& standing, double space_min_z, double space_max_z);
+  bool open_space(const Occupancy& standing, double blocked_m, const CellSpan& space);
   void seed(int x, int y, int w, std::uint64_t bits, const Eigen::Vector3d& goal);
   void reach(std::uint32_t word, std::uint64_t bits, int steps);
   void spread(const Cells& cells);
 
-  double cell_m_ = 0.2, inverse_cell_ = 5.0;
+  double cell_m_ = 0.3, inverse_cell_ = 1 / 0.3;
   Eigen::Vector3d corner_ = Eigen::Vector3d::Zero();  // of the window, W [m]
   Eigen::Vector3i size_ = Eigen::Vector3i::Zero();    // cells
   int words_ = 0;                                     // of 64 cells per column
-  std::vector<std::uint64_t> space_;                  // cells of one column inside the flight space
-  std::vector<std::uint64_t> open_;                   // cells not reached yet
-  std::vector<std::uint64_t> pending_;                // cells that the next step reaches
-  std::vector<std::uint32_t> next_;                   // words with pending cells
-  std::vector<Cells> front_;                          // reached in this step
-  std::vector<std::vector<Cells>> seeds_;             // by steps
-  std::vector<std::int16_t> steps_;                   // Chebyshev steps of one cell to the goal; -1 closed
+  Dilator dilator_;
+  std::vector<Layer> layers_;
+  std::vector<std::uint64_t> closed_;      // columns of middle voxels
+  std::vector<std::uint64_t> open_;        // cells not reached yet
+  std::vector<std::uint64_t> pending_;     // cells that the next step reaches
+  std::vector<std::uint32_t> next_;        // words with pending cells
+  std::vector<Cells> front_;               // reached in this step
+  std::vector<std::vector<Cells>> seeds_;  // by steps
+  std::vector<std::int16_t> steps_;        // Chebyshev steps of one cell to the goal; -1 closed
 };
 
 }  // namespace swarm

@@ -62,7 +62,7 @@ KinodynamicSearch::KinodynamicSearch(const SearchLimits& limits, const SearchOpt
     weights_[i] = {tau_ * s, tau_ * tau_ * (s * s / 2 - lag), tau_ * tau_ * lag};
   }
   frames_.resize(options.num_pieces);
-  goal_frames_.resize(options.num_pieces);
+  goal_steps_.resize(options.num_pieces);
   nodes_.reserve(static_cast<std::size_t>(options.max_expansions) * 32);
   open_.reserve(nodes_.capacity());
   expanded_.reserve(static_cast<std::size_t>(options.max_expansions));
@@ -77,17 +77,17 @@ double KinodynamicSearch::time_to_goal(double x_s, double y_s, double z_s) {
   return longest + 0.05 * (x_s + y_s + z_s - longest);  // the slowest axis decides, the others break ties
 }
 
-double KinodynamicSearch::delay_s(int frame, const Eigen::Vector3d& position) const {
+double KinodynamicSearch::delay_s(int step, const Eigen::Vector3d& position) const {
   const CostToGo* to_go = problem_.cost_to_go;
   if (to_go == nullptr) return 0.0;
-  return to_go->delay_s(frame, to_go->cell_of(frame, 0, position.x()), to_go->cell_of(frame, 1, position.y()),
-                        to_go->cell_of(frame, 2, position.z()));
+  return to_go->delay_s(step, to_go->cell_of(step, 0, position.x()), to_go->cell_of(step, 1, position.y()),
+                        to_go->cell_of(step, 2, position.z()));
 }
 
 double KinodynamicSearch::time_to_goal(const Eigen::Vector3d& position) const {
   return time_to_goal(axis_time(0, position.x(), 0.0), axis_time(1, position.y(), 0.0),
                       axis_time(2, position.z(), 0.0)) +
-         delay_s(problem_.blocked->num_frames, position);
+         (problem_.cost_to_go != nullptr ? delay_s(problem_.cost_to_go->num_steps(), position) : 0.0);
 }
 
 bool KinodynamicSearch::seen_before(const State& state, int depth) {
@@ -110,20 +110,20 @@ bool KinodynamicSearch::seen_before(const State& state, int depth) {
 }
 
 std::int32_t KinodynamicSearch::add_child(std::int32_t index, const AxisOption& x, const AxisOption& y,
-                                          const AxisOption& z) {
+                                          const AxisOption& z, const SampleColumns& columns) {
   if (nodes_.size() == nodes_.capacity()) return -1;  // bounded memory: the best were kept
   const Node& node = nodes_[static_cast<std::size_t>(index)];
-  const double zones = zone_cost(x, y, z, node.depth);
+  const double zones = zone_cost(columns, z, node.depth);
   if (zones < 0.0) return -1;
   const CostToGo* to_go = problem_.cost_to_go;
-  const int frame = goal_frames_[static_cast<std::size_t>(node.depth)];
+  const int step = goal_steps_[static_cast<std::size_t>(node.depth)];
   Node child;
   child.state = {{x.position, y.position, z.position},
                  {x.velocity, y.velocity, z.velocity},
                  {x.acceleration, y.acceleration, z.acceleration}};
   child.cost = node.cost + zones + tau_ * (1.0 + x.effort + y.effort + z.effort);
   child.time_to_goal = time_to_goal(x.time_to_goal, y.time_to_goal, z.time_to_goal) +
-                       (to_go != nullptr ? to_go->delay_s(frame, x.cell, y.cell, z.cell) : 0.0);
+                       (to_go != nullptr ? to_go->delay_s(step, x.cell, y.cell, z.cell) : 0.0);
   child.parent = index;
   child.depth = static_cast<std::int16_t>(node.depth + 1);
   nodes_.push_back(child);
@@ -152,9 +152,12 @@ template <class Visit>
 void KinodynamicSearch::for_each_child(std::int32_t index, const Visit& visit) {
   const Node& node = nodes_[static_cast<std::size_t>(index)];
   const AxisOptions xs = axis_options(0, node), ys = axis_options(1, node), zs = axis_options(2, node);
+  prepare(node, xs, ys);
+  const int depth = node.depth;  // the node itself may move
   for (int x = 0; x < xs.count; ++x) {
     for (int y = 0; y < ys.count; ++y) {
-      for (int z = 0; z < zs.count; ++z) visit(add_child(index, xs.option[x], ys.option[y], zs.option[z]));
+      const SampleColumns columns = sample_columns(xs.option[x], ys.option[y], depth);
+      for (int z = 0; z < zs.count; ++z) visit(add_child(index, xs.option[x], ys.option[y], zs.option[z], columns));
     }
   }
 }
@@ -171,18 +174,18 @@ SearchStatus KinodynamicSearch::find(const SearchProblem& problem, SearchResult*
   const Sogm& blocked = *problem.blocked;
   hover_until_utime_ = std::max(problem.start_utime + std::int64_t{options_.num_pieces} * options_.piece_us,
                                 blocked.start_utime + blocked.num_frames * blocked.frame_duration_us);
-  start_blocked_ =
-      blocked.occupied(blocked.frame_at(problem.start_utime), blocked.geometry.voxel_of(problem.start.position));
+  start_blocked_ = blocked_at(problem.start.position, blocked.frame_at(problem.start_utime));
   result->left_blocked = start_blocked_;
+  goal_open_utime_.reset();
   for (int depth = 0; depth < options_.num_pieces; ++depth) {
     for (int i = 0; i < kSamples; ++i) {
       const std::int64_t offset = (depth * kSamples + i + 1) * std::int64_t{options_.piece_us} / kSamples;
       frames_[depth][i] = blocked.frame_at(problem.start_utime + offset) * blocked.geometry.words_per_frame();
     }
-    goal_frames_[depth] =
+    goal_steps_[depth] =
         problem.cost_to_go == nullptr
             ? 0
-            : problem.cost_to_go->frame_at(problem.start_utime + (depth + 1) * std::int64_t{options_.piece_us});
+            : problem.cost_to_go->step_at(problem.start_utime + (depth + 1) * std::int64_t{options_.piece_us});
   }
   nodes_.clear();
   open_.clear();
@@ -222,19 +225,18 @@ SearchStatus KinodynamicSearch::find(const SearchProblem& problem, SearchResult*
 void KinodynamicSearch::hold(std::int32_t index) {
   while (index >= 0 && nodes_[static_cast<std::size_t>(index)].depth < max_depth_) {
     const Node& node = nodes_[static_cast<std::size_t>(index)];
-    std::array<AxisOption, 3> same;
-    for (int axis = 0; axis < 3; ++axis) {
-      const AxisOptions options = axis_options(axis, node);
+    const std::array<AxisOptions, 3> options{axis_options(0, node), axis_options(1, node), axis_options(2, node)};
+    std::array<const AxisOption*, 3> same;
+    for (std::size_t axis = 0; axis < 3; ++axis) {
       const auto off = [&](const AxisOption& option) {
-        return std::abs(option.acceleration - node.state.acceleration[axis]);
+        return std::abs(option.acceleration - node.state.acceleration[static_cast<int>(axis)]);
       };
-      const auto* end = options.option.data() + options.count;
-      const auto* nearest =
-          std::min_element(options.option.data(), end, [&](const auto& a, const auto& b) { return off(a) < off(b); });
-      if (nearest == end) return;
-      same[static_cast<std::size_t>(axis)] = *nearest;
+      const AxisOption *begin = options[axis].option.data(), *end = begin + options[axis].count;
+      same[axis] = std::min_element(begin, end, [&](const auto& a, const auto& b) { return off(a) < off(b); });
+      if (same[axis] == end) return;
     }
-    index = add_child(index, same[0], same[1], same[2]);
+    prepare(node, options[0], options[1]);
+    index = add_child(index, *same[0], *same[1], *same[2], sample_columns(*same[0], *same[1], node.depth));
   }
 }
 

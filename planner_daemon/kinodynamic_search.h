@@ -11,6 +11,7 @@
 #include <array>
 #include <cstdint>
 #include <limits>
+#include <optional>
 #include <vector>
 
 #include "map_daemon/sogm.h"
@@ -29,7 +30,7 @@ struct SearchLimits {
 struct SearchOptions {
   std::int32_t piece_us = 200'000;  // duration tau of a primitive
   int num_pieces = 10;              // horizon in primitives, braking to rest included; <= Trajectory::kMaxPieces
-  int max_expansions = 1000;        // the budget, counted
+  int max_expansions = 300;         // the budget, counted
   double heuristic_weight = 1.5;
   double cell_m = 0.3;    // closed set: position
   double cell_mps = 0.9;  // closed set: velocity
@@ -40,6 +41,17 @@ struct SearchOptions {
   double wake_weight = 1.0;      // cost per second spent in an obstacle's wake, on top
   double leave_s = 0.45;         // a robot that starts in blocked space may take this long to leave it
   double leave_weight = 30.0;    // cost per second of that; ten times as much in the tight zone and again in contact
+};
+
+// Zones may be worked out only where the search looks.
+class ZoneSource {
+ public:
+  virtual ~ZoneSource() = default;
+  // The blocked zone, and in an emergency the tight and the contact zone, are about to be looked at in these columns of
+  // frames first to last; beyond the window nothing is known.
+  virtual void prepare_blocked(int first_frame, int last_frame, const Columns& columns) = 0;
+  // And the near zone and the wake.
+  virtual void prepare(int first_frame, int last_frame, const Columns& columns) = 0;
 };
 
 struct SearchProblem {
@@ -56,6 +68,7 @@ struct SearchProblem {
   bool fine = true;                      // slow nodes manoeuvre finely (see slow_mps): narrow places, at a price
   bool emergency = false;                // nothing survives: blocked space may be passed, at the cost of leaving it
   const CostToGo* cost_to_go = nullptr;  // knows detours and waits; null: none
+  ZoneSource* zones = nullptr;           // makes the zones; null: they are complete
 };
 
 enum class SearchStatus {
@@ -107,6 +120,7 @@ class KinodynamicSearch {
     double time_to_goal;                      // min_time_to_rest from there
     double effort;                            // cost of the acceleration
     std::int32_t cell;                        // of the cost to go, at the end; -1: none
+    int low, high;                            // voxels on the way
     bool inside;                              // stays in the flight space
     std::array<std::int32_t, kSamples>
         offset;  // x, y: what the sample adds to the index of a word of the map; z: its word
@@ -133,19 +147,31 @@ class KinodynamicSearch {
     std::int32_t node;
   };
 
-  AxisOption make_option(int axis, double p, double v, double a, double a1, int frame) const;
+  AxisOption make_option(int axis, double p, double v, double a, double a1, int step) const;
   double calm_down(double v, double a, double high) const;
   AxisOptions axis_options(int axis, const Node& node) const;
+  // Has the zones made that the node's primitives pass.
+  void prepare(const Node& node, const AxisOptions& xs, const AxisOptions& ys) const;
+  // Where the samples of a primitive lie in the maps, seen from above.
+  struct SampleColumns {
+    std::array<std::int32_t, kSamples> word;     // the lowest of the column
+    std::array<std::uint64_t, kSamples> inside;  // all ones inside the window, else 0
+    std::array<std::uint64_t, kSamples> near;    // that word of the near zone
+    std::uint64_t any_near;
+  };
+  SampleColumns sample_columns(const AxisOption& x, const AxisOption& y, int depth) const;
   // Cost of the zones one primitive passes; negative when it is blocked.
-  double zone_cost(const AxisOption& x, const AxisOption& y, const AxisOption& z, int depth) const;
+  double zone_cost(const SampleColumns& columns, const AxisOption& z, int depth) const;
   // Farther outside the flight space than before: a robot outside may only come back.
   bool strays(const Eigen::Vector3d& before, const Eigen::Vector3d& position) const;
+  bool blocked_at(const Eigen::Vector3d& position, int frame) const;
   bool free_at(const Eigen::Vector3d& position, std::int64_t utime) const;
   double axis_time(int axis, double position, double velocity) const;
-  static double time_to_goal(double x_s, double y_s, double z_s);    // from the axes' times
-  double delay_s(int frame, const Eigen::Vector3d& position) const;  // of the cost to go; 0 without
+  static double time_to_goal(double x_s, double y_s, double z_s);   // from the axes' times
+  double delay_s(int step, const Eigen::Vector3d& position) const;  // of the cost to go; 0 without
   // Child of a node by one primitive; -1 when it is blocked.
-  std::int32_t add_child(std::int32_t index, const AxisOption& x, const AxisOption& y, const AxisOption& z);
+  std::int32_t add_child(std::int32_t index, const AxisOption& x, const AxisOption& y, const AxisOption& z,
+                         const SampleColumns& columns);
   template <class Visit>
   void for_each_child(std::int32_t index, const Visit& visit);  // visit(child or -1)
   void hold(std::int32_t index);           // on from a node with the same accelerations, as far as it goes
@@ -156,7 +182,10 @@ class KinodynamicSearch {
   bool seen_before(const State& state, int depth);
   // Quintic from a node to rest at the goal in as few pieces as the limits allow, then hovering there, all free and out
   // of wakes.
-  bool shoot(const Node& node, SearchResult* result) const;
+  bool shoot(const Node& node, SearchResult* result);
+  bool avoided_at(const Eigen::Vector3d& position, int frame) const;
+  // From when on hovering at the goal is so until the horizon; INT64_MAX: never.
+  std::int64_t goal_open_from() const;
   // Brakes to rest from a node and hovers to the end of horizon and map; the knots go to the result. Returns the first
   // blocked time or INT64_MAX; in an emergency nothing blocks, and `harm` is the cost of the zones passed.
   std::int64_t brake(const Node& node, SearchResult* result, double* harm) const;
@@ -182,8 +211,9 @@ class KinodynamicSearch {
   SearchProblem problem_;
   bool start_blocked_ = false;
   std::int64_t hover_until_utime_ = 0;
+  std::optional<std::int64_t> goal_open_utime_;             // see goal_open_from(); once it was asked for
   std::vector<std::array<std::int32_t, kSamples>> frames_;  // first word of the map's frame, per depth and sample
-  std::vector<int> goal_frames_;                            // of the cost to go, at the end of each depth
+  std::vector<int> goal_steps_;                             // of the cost to go, at the end of each depth
   std::vector<Node> nodes_;
   std::vector<OpenEntry> open_;
   std::vector<OpenEntry> ways_out_;

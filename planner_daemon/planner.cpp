@@ -5,8 +5,6 @@
 #include <limits>
 #include <stdexcept>
 
-#include "planner_daemon/swept_volume.h"
-
 namespace swarm {
 namespace {
 
@@ -55,7 +53,8 @@ Planner::Planner(const PlannerConfig& config, Stopwatch stopwatch)
       search_(config_.limits, config.search),
       quick_search_(config_.limits, quick(config_.limits, config.search)),
       quick_piece_us_(quick(config_.limits, config.search).piece_us),
-      corridors_(config.limits.space_min, config.limits.space_max, config.corridor) {
+      corridors_(config.limits.space_min, config.limits.space_max, config.corridor),
+      zones_(config.zones) {
   for (int pieces = 1; pieces <= config.search.num_pieces; ++pieces) {
     optimizers_.emplace_back(5, std::vector<double>(static_cast<std::size_t>(pieces), config.search.piece_us * 1e-6));
   }
@@ -89,76 +88,33 @@ void Planner::lap(PlanStep step) {
 }
 
 void Planner::compose(const PlanRequest& request) {
-  const Sogm& sogm = *request.sogm;
   const SearchOptions& search = config_.search;
   const MotionState start = request.own.at(request.start_utime);
   reach_ = {start.position,       request.start_utime, config_.limits.v_max, 1e-6 * search.piece_us * search.num_pieces,
             config_.limits.a_max, start.velocity};
-  const double blocked_m = config_.radius_m + config_.clearance_m;
-  const int margin =
-      static_cast<int>(std::ceil(std::max(blocked_m, config_.radius_m + config_.tight_m) / sogm.geometry.resolution_m));
-  occupied_.lay_out(sogm);
-  for (int frame = 0; frame < sogm.num_frames; ++frame)
-    occupied_.copy(sogm, frame, reached(sogm, frame, reach_, config_.wake_s).grown(margin, sogm.geometry));
-  for (const Peer& peer : *request.peers) {
-    const double peer_m = peer.radius_m + 0.5 * sogm.geometry.resolution_m;
-    mark_swept_volume(peer.motion, peer_m, &occupied_);
-    if (!peer.announced.empty()) mark_swept_volume({peer.motion.committed, peer.announced}, peer_m, &occupied_);
-  }
-  // Whatever moves away may turn and come back: its wake is avoided. The wake of what is reached lies farther back.
-  const auto frames_back =
-      static_cast<int>(std::llround(1e6 * config_.wake_s / static_cast<double>(sogm.frame_duration_us)));
-  blocked_.dilate(occupied_.map(), blocked_m, &reach_, config_.wake_s);
-  wake_.accumulate(blocked_.map(), frames_back, reach_);
-  near_.dilate(wake_.map(), config_.comfort_m, &reach_);
-}
-
-void Planner::dilate_emergency_zones() {
-  tight_.dilate(occupied_.map(), config_.radius_m + config_.tight_m, &reach_);
-  contact_.dilate(occupied_.map(), std::max(0.0, config_.radius_m - config_.contact_m), &reach_);
-}
-
-// Configuration space of what is occupied in every frame, peers that hover among it.
-void Planner::compose_standing(const PlanRequest& request) {
-  const Sogm& sogm = *request.sogm;
-  still_.lay_out(sogm.geometry, 1, sogm.start_utime, sogm.num_frames * sogm.frame_duration_us);
-  still_.copy(sogm, 0, all_columns(sogm.geometry));
-  std::uint64_t* still = still_.column(0, 0, 0);
-  still_words_.clear();  // little is left of the first and the last frame together
-  const std::uint64_t* last = sogm.column(sogm.num_frames - 1, 0, 0);
-  for (std::size_t i = 0; i < static_cast<std::size_t>(sogm.geometry.words_per_frame()); ++i) {
-    still[i] &= last[i];
-    if (still[i] != 0) still_words_.push_back(i);
-  }
-  for (int frame = 1; frame + 1 < sogm.num_frames; ++frame) {
-    const std::uint64_t* words = sogm.column(frame, 0, 0);
-    for (const std::size_t i : still_words_) still[i] &= words[i];
-  }
-  for (const Peer& peer : *request.peers) {
-    if (peer.motion.end_utime() > sogm.start_utime) continue;
-    mark_swept_volume(peer.motion, peer.radius_m + 0.5 * sogm.geometry.resolution_m, &still_);
-  }
-  standing_.dilate(still_.map(), config_.radius_m + config_.clearance_m);
+  zones_.compose(*request.sogm, *request.peers, reach_);
 }
 
 // What stands still changes slowly: the same guidance serves several plans.
 void Planner::guide(const PlanRequest& request) {
   const Sogm& sogm = *request.sogm;
   const std::int64_t age = sogm.start_utime - guided_utime_;
-  const GridGeometry& before = still_.map().geometry;
-  const bool same = before.size == sogm.geometry.size && before.resolution_m == sogm.geometry.resolution_m;
+  const GridGeometry& grid = sogm.geometry;
+  const bool same = guided_size_ == grid.size && guided_resolution_m_ == grid.resolution_m;
   if (same && age > 0 && age < kGuidanceAge_us && request.goal == guided_goal_) return;
-  compose_standing(request);
   const SearchLimits& limits = config_.limits;
-  is_guided_ = guidance_.build(standing_.map(), request.goal, limits.space_min.z(), limits.space_max.z());
+  is_guided_ = guidance_.build(zones_.compose_standing(*request.peers), config_.zones.blocked_m(), request.goal,
+                               limits.space_min.z(), limits.space_max.z());
   guided_utime_ = sogm.start_utime;
+  guided_size_ = grid.size;
+  guided_resolution_m_ = grid.resolution_m;
   guided_goal_ = request.goal;
 }
 
 void Planner::build_cost_to_go(const PlanRequest& request) {
   guide(request);
-  cost_to_go_.build(blocked_.map(), is_guided_ ? &guidance_ : nullptr, reach_, request.goal, config_.limits.space_min,
-                    config_.limits.space_max);
+  cost_to_go_.build(zones_.occupancy(), config_.zones.blocked_m(), is_guided_ ? &guidance_ : nullptr, reach_,
+                    request.goal, config_.limits.space_min, config_.limits.space_max);
 }
 
 SearchStatus Planner::search(const PlanRequest& request) {
@@ -166,17 +122,17 @@ SearchStatus Planner::search(const PlanRequest& request) {
   problem.start = request.own.at(request.start_utime);
   problem.start_utime = request.start_utime;
   problem.goal = request.goal;
-  const Sogm& blocked = blocked_.map();
+  const Sogm& blocked = zones_.blocked();
   problem.blocked = &blocked;
-  problem.near = &near_.map();
-  problem.wake = &wake_.map();
-  problem.tight = &tight_.map();
-  problem.contact = &contact_.map();
+  problem.near = &zones_.near();
+  problem.wake = &zones_.wake();
+  problem.tight = &zones_.tight();
+  problem.contact = &zones_.contact();
+  problem.zones = &zones_;
   build_cost_to_go(request);
   problem.cost_to_go = &cost_to_go_;
-  in_danger_ =
-      blocked.occupied(blocked.frame_at(request.start_utime), blocked.geometry.voxel_of(problem.start.position));
-  if (in_danger_) dilate_emergency_zones();
+  in_danger_ = zones_.blocked_at(problem.start.position, request.start_utime);
+  if (in_danger_) zones_.enter_emergency();
   problem.fine = problem.emergency = false;
   SearchStatus status = search_.find(problem, &path_);
   result_.expansions = path_.expansions;
@@ -192,11 +148,11 @@ SearchStatus Planner::search(const PlanRequest& request) {
   // Stuck now, but an earlier search knew better: what it found is not dropped.
   keeps_own_ =
       path_.settled && !in_danger_ && status == SearchStatus::kSurvives &&
-      first_blocked(request.own, blocked, request.start_utime) == kNever &&
+      zones_.first_blocked(request.own, request.start_utime) == kNever &&
       search_.time_to_goal(request.own.at(request.own.end_utime()).position) <
           search_.time_to_goal(path_.knots[static_cast<std::size_t>(path_.num_pieces)].position) + kKeepBonus_s;
   if (in_danger_ || status == SearchStatus::kPartial) {  // look for the way that does least harm as well
-    if (!in_danger_) dilate_emergency_zones();
+    zones_.enter_emergency();
     in_danger_ = true;
     problem.fine = false;
     problem.emergency = true;
@@ -213,8 +169,9 @@ bool Planner::grow_corridors(const PlanRequest& request) {
   for (int k = 0; k < path_.num_pieces; ++k) {
     const std::int64_t from = request.start_utime + k * std::int64_t{config_.search.piece_us};
     const ControlPoints piece = quintic_control_points(path_.knots[k], path_.knots[k + 1], h);
-    const FiriStatus status = corridors_.build(piece, blocked_.map(), from, from + config_.search.piece_us,
-                                               &problem_.corridors[static_cast<std::size_t>(k)]);
+    const FiriStatus status =
+        corridors_.build(piece, zones_.occupancy(), config_.zones.blocked_m(), from, from + config_.search.piece_us,
+                         &problem_.corridors[static_cast<std::size_t>(k)]);
     if (status != FiriStatus::kGrown) return false;
   }
   result_.corridors = problem_.corridors;
@@ -261,21 +218,12 @@ bool Planner::within_limits(const Trajectory& trajectory) const {
   return true;
 }
 
-std::int64_t Planner::first_blocked(const Motion& motion, const Sogm& blocked, std::int64_t from_utime) {
-  const std::int64_t end = blocked.start_utime + blocked.num_frames * blocked.frame_duration_us;
-  for (std::int64_t t = from_utime; t < std::max(end, motion.end_utime()); t += kCheckStep_us) {
-    const Eigen::Vector3i voxel = blocked.geometry.voxel_of(motion.at(t).position);
-    if (blocked.occupied(blocked.frame_at(t), voxel)) return t;
-  }
-  return kNever;
-}
-
 void Planner::check(const PlanRequest& request, bool smoothed, const Trajectory& smooth) {
   const std::int64_t from = request.start_utime;
   const std::int64_t left = from + (path_.left_blocked ? std::llround(config_.search.leave_s * 1e6) : 0);
   const bool safe = result_.search_status != SearchStatus::kPartial;
   result_.fly = !keeps_own_;
-  if (safe && smoothed && within_limits(smooth) && first_blocked({smooth, {}}, blocked_.map(), left) == kNever) {
+  if (safe && smoothed && within_limits(smooth) && zones_.first_blocked({smooth, {}}, left) == kNever) {
     result_.outcome = PlanOutcome::kSmooth;
     result_.trajectory = smooth;
   } else {

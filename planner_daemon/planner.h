@@ -7,31 +7,20 @@
 #include <limits>
 #include <vector>
 
-#include "map_daemon/dilation.h"
 #include "map_daemon/sogm.h"
 #include "planner_daemon/corridor.h"
 #include "planner_daemon/kinodynamic_search.h"
 #include "planner_daemon/spline_qp.h"
 #include "planner_daemon/trajectory.h"
+#include "planner_daemon/zones.h"
 
 namespace swarm {
 
 struct PlannerConfig {
-  double radius_m = 0.2;      // of the robot's sphere
-  double clearance_m = 0.05;  // free: farther than radius + clearance from every occupied voxel's centre
-  double tight_m = 0.0;       // in an emergency: the clearance that is given up last before a touch
-  double contact_m = 0.04;    // a voxel's centre this far inside the radius means a touch
-  double comfort_m = 0.15;    // beyond the clearance: avoided where that costs little
-  double wake_s = 0.5;        // where an obstacle was until this long before is its wake: it may turn
-  SearchLimits limits;        // flight space: of the robot's centre
+  ZoneOptions zones;
+  SearchLimits limits;  // flight space: of the robot's centre
   SearchOptions search;
   CorridorOptions corridor;
-};
-
-struct Peer {
-  Motion motion;
-  Trajectory announced;  // waits for acknowledgements: occupied too; may be empty
-  double radius_m = 0.2;
 };
 
 struct PlanRequest {
@@ -77,17 +66,12 @@ class Planner {
   // Of the newest plan, for benchmarks: what was searched, the path found, what was optimised.
   const SearchProblem& search_problem() const { return search_problem_; }
   const SearchResult& path() const { return path_; }
+  const Occupancy& occupancy() const { return zones_.occupancy(); }
   void build_cost_to_go(const PlanRequest& request);  // a part of the search: again
   const SplineProblem& spline_problem() const { return problem_; }
 
-  // First time from `from_utime` on at which the motion enters `blocked`, or INT64_MAX (fine sampling, hover tail
-  // included).
-  static std::int64_t first_blocked(const Motion& motion, const Sogm& blocked, std::int64_t from_utime);
-
  private:
   void compose(const PlanRequest& request);
-  void dilate_emergency_zones();
-  void compose_standing(const PlanRequest& request);
   void guide(const PlanRequest& request);
   SearchStatus search(const PlanRequest& request);
   bool grow_corridors(const PlanRequest& request);
@@ -109,14 +93,12 @@ class Planner {
   std::vector<SplineQp> optimizers_;  // [n - 1]: for n pieces
   SplineProblem problem_;
   SplineSolution solution_;
-  Reach reach_;                           // of the robot: all that the plan can touch
-  PartialSogm occupied_;                  // obstacles and peers there
-  PartialSogm still_;                     // what of them does not move, in the whole window: one frame
-  std::vector<std::size_t> still_words_;  // of it, not clear
-  PartialSogm wake_;
-  Dilator blocked_, near_, tight_, contact_, standing_;
+  Reach reach_;  // of the robot: all that the plan can touch
+  Zones zones_;
   Guidance guidance_;  // around what stood still at `guided_utime_`, to `guided_goal_`
   bool is_guided_ = false;
+  Eigen::Vector3i guided_size_ = Eigen::Vector3i::Zero();  // of the window [voxels]
+  double guided_resolution_m_ = 0.0;
   std::int64_t guided_utime_ = 0;
   Eigen::Vector3d guided_goal_ = Eigen::Vector3d::Constant(std::numeric_limits<double>::quiet_NaN());
   SearchProblem search_problem_;  // refers to the maps above

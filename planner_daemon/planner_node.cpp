@@ -25,13 +25,14 @@ std::int64_t to_us(double seconds) {
 void declare(OptionSet& options, PlannerNodeConfig& config) {
   PlannerConfig& planner = config.planner;
   options.add("robot-id", &config.robot_id, 0, 32767, "", "this robot");
-  options.add("radius", &planner.radius_m, 0.01, 10, "m", "of the sphere that holds the robot");
-  options.add("clearance", &planner.clearance_m, 0, 5, "m",
+  options.add("radius", &planner.zones.radius_m, 0.01, 10, "m", "of the sphere that holds the robot");
+  options.add("clearance", &planner.zones.clearance_m, 0, 5, "m",
               "beyond the radius, to occupied voxels: free space of search, corridor and check");
-  options.add("tight-clearance", &planner.tight_m, 0, 5, "m",
+  options.add("tight-clearance", &planner.zones.tight_m, 0, 5, "m",
               "in an emergency, when nothing survives: given up last before a touch");
-  options.add("comfort", &planner.comfort_m, 0, 5, "m", "beyond the clearance: avoided where that costs little time");
-  options.add("wake", &planner.wake_s, 0, 2, "s",
+  options.add("comfort", &planner.zones.comfort_m, 0, 5, "m",
+              "beyond the clearance: avoided where that costs little time");
+  options.add("wake", &planner.zones.wake_s, 0, 2, "s",
               "where an obstacle was until this long before is its wake, and avoided: it may turn");
   options.add("v-max", &planner.limits.v_max, 0.01, 100, "m/s", "speed limit per axis");
   options.add("a-max", &planner.limits.a_max, 0.01, 1000, "m/s^2", "acceleration limit per axis");
@@ -63,7 +64,7 @@ void verify(const PlannerNodeConfig& config) {
       throw OptionError("--space-min: must be below --space-max on every axis");
     }
   }
-  if (config.planner.tight_m > config.planner.clearance_m)
+  if (config.planner.zones.tight_m > config.planner.zones.clearance_m)
     throw OptionError("--tight-clearance: must be at most --clearance");
   try {
     KinodynamicSearch probe(limits, config.planner.search);

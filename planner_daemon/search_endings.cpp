@@ -18,19 +18,22 @@ bool KinodynamicSearch::strays(const Eigen::Vector3d& before, const Eigen::Vecto
       .any();
 }
 
+bool KinodynamicSearch::blocked_at(const Eigen::Vector3d& position, int frame) const {
+  const Eigen::Vector3i voxel = problem_.blocked->geometry.voxel_of(position);
+  if (problem_.zones != nullptr) problem_.zones->prepare_blocked(frame, frame, {voxel.head<2>(), voxel.head<2>()});
+  return problem_.blocked->occupied(frame, voxel);
+}
+
 bool KinodynamicSearch::free_at(const Eigen::Vector3d& position, std::int64_t utime) const {
-  if (problem_.emergency ||
-      (start_blocked_ && utime - problem_.start_utime <= static_cast<std::int64_t>(options_.leave_s * 1e6)))
-    return true;
-  const Sogm& blocked = *problem_.blocked;
-  return !blocked.occupied(blocked.frame_at(utime), blocked.geometry.voxel_of(position));
+  return problem_.emergency ||
+         (start_blocked_ && utime - problem_.start_utime <= static_cast<std::int64_t>(options_.leave_s * 1e6)) ||
+         !blocked_at(position, problem_.blocked->frame_at(utime));
 }
 
 double KinodynamicSearch::harm_at(const Eigen::Vector3d& position, std::int64_t utime) const {
-  const Sogm& blocked = *problem_.blocked;
-  const Eigen::Vector3i voxel = blocked.geometry.voxel_of(position);
-  const int frame = blocked.frame_at(utime);
-  if (!blocked.occupied(frame, voxel)) return 0.0;
+  const int frame = problem_.blocked->frame_at(utime);
+  if (!blocked_at(position, frame)) return 0.0;
+  const Eigen::Vector3i voxel = problem_.blocked->geometry.voxel_of(position);
   return blocked_weight(1e-6 * static_cast<double>(utime - problem_.start_utime),
                         problem_.tight->occupied(frame, voxel), problem_.contact->occupied(frame, voxel));
 }
@@ -85,8 +88,22 @@ std::int64_t KinodynamicSearch::brake(const Node& node, SearchResult* result, do
   return first_blocked;
 }
 
-bool KinodynamicSearch::shoot(const Node& node, SearchResult* result) const {
+bool KinodynamicSearch::avoided_at(const Eigen::Vector3d& position, int frame) const {
   const Sogm& avoided = problem_.wake != nullptr ? *problem_.wake : *problem_.blocked;
+  const Eigen::Vector3i voxel = avoided.geometry.voxel_of(position);
+  if (problem_.zones != nullptr) problem_.zones->prepare(frame, frame, {voxel.head<2>(), voxel.head<2>()});
+  return avoided.occupied(frame, voxel);
+}
+
+std::int64_t KinodynamicSearch::goal_open_from() const {
+  const Sogm& map = *problem_.blocked;
+  int frame = map.frame_at(problem_.start_utime + options_.num_pieces * std::int64_t{options_.piece_us});
+  if (avoided_at(problem_.goal, frame)) return kNever;
+  while (frame > 0 && !avoided_at(problem_.goal, frame - 1)) --frame;
+  return frame == 0 ? problem_.start_utime : map.start_utime + frame * map.frame_duration_us;
+}
+
+bool KinodynamicSearch::shoot(const Node& node, SearchResult* result) {
   const MotionState start = node.state.motion();
   MotionState goal;
   goal.position = problem_.goal;
@@ -94,6 +111,8 @@ bool KinodynamicSearch::shoot(const Node& node, SearchResult* result) const {
   const int room = options_.num_pieces - node.depth;
   const int first = std::max(1, static_cast<int>(std::ceil(least_s / tau_ - 1e-9)));
   for (int pieces = first; pieces <= std::min(room, first + 3); ++pieces) {
+    if (!goal_open_utime_) goal_open_utime_ = goal_open_from();
+    if (problem_.start_utime + (node.depth + pieces) * std::int64_t{options_.piece_us} < *goal_open_utime_) continue;
     const double duration = pieces * tau_;
     const ControlPoints whole = quintic_control_points(start, goal, duration);
     bool ok = true;
@@ -113,7 +132,7 @@ bool KinodynamicSearch::shoot(const Node& node, SearchResult* result) const {
       const double s = std::min(1.0, static_cast<double>(i) / (pieces * kSamples));
       const Eigen::Vector3d position = evaluate_bezier(whole, duration, s).position;
       const std::int64_t utime = begin + i * std::int64_t{options_.piece_us} / kSamples;
-      ok = !avoided.occupied(avoided.frame_at(utime), avoided.geometry.voxel_of(position)) &&
+      ok = !avoided_at(position, problem_.blocked->frame_at(utime)) &&
            (position.array() >= limits_.space_min.array() - 1e-6).all() &&
            (position.array() <= limits_.space_max.array() + 1e-6).all();
     }

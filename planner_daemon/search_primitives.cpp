@@ -1,6 +1,7 @@
 // The primitives of the search: what they may be, where they lead, and what the zones they pass cost.
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "planner_daemon/kinodynamic_search.h"
 
@@ -10,6 +11,12 @@ namespace {
 // What lies ahead counts less and less, for it can still be replanned: down to a least share after this long.
 constexpr double kFade_s = 1.0, kLeastFade = 0.05;
 constexpr double kOverspeed = 1.0025;  // of v_max: what a start in the middle of a piece may still rise to
+
+// std::floor calls the library where the processor's own instruction may be missing.
+int floor_of(double value) {
+  const int whole = static_cast<int>(value);
+  return whole - (value < whole ? 1 : 0);
+}
 
 // Largest velocity during a primitive from (v, a > 0).
 double peak_velocity(double v, double a, double a1, double tau) {
@@ -31,7 +38,7 @@ double min_time_to_rest(double d, double v, double v_max, double a_max) {
 }
 
 KinodynamicSearch::AxisOption KinodynamicSearch::make_option(int axis, double p, double v, double a, double a1,
-                                                             int frame) const {
+                                                             int step) const {
   AxisOption option;
   const GridGeometry& grid = problem_.blocked->geometry;
   const double inverse = 1.0 / grid.resolution_m;
@@ -39,11 +46,15 @@ KinodynamicSearch::AxisOption KinodynamicSearch::make_option(int axis, double p,
   const int words = grid.words_per_column();
   const int stride = axis == 0 ? grid.size.y() * words : words;
   option.inside = true;
+  option.low = std::numeric_limits<int>::max();
+  option.high = std::numeric_limits<int>::min();
   double before = p;
   for (std::size_t i = 0; i < kSamples; ++i) {
     const double position = p + weights_[i].v * v + weights_[i].a0 * a + weights_[i].a1 * a1;
-    const int voxel = static_cast<int>(std::floor(position * inverse)) - grid.origin[axis];
+    const int voxel = floor_of(position * inverse) - grid.origin[axis];
     const bool known = voxel >= 0 && voxel < grid.size[axis];
+    option.low = std::min(option.low, voxel);
+    option.high = std::max(option.high, voxel);
     if (axis < 2) {
       option.offset[i] = known ? voxel * stride : 0;
       option.in_window[i] = known ? ~std::uint64_t{0} : 0;
@@ -60,7 +71,7 @@ KinodynamicSearch::AxisOption KinodynamicSearch::make_option(int axis, double p,
   option.acceleration = a1;
   option.time_to_goal = axis_time(axis, option.position, option.velocity);
   option.effort = options_.effort_weight * a1 * a1;
-  option.cell = problem_.cost_to_go != nullptr ? problem_.cost_to_go->cell_of(frame, axis, option.position) : -1;
+  option.cell = problem_.cost_to_go != nullptr ? problem_.cost_to_go->cell_of(step, axis, option.position) : -1;
   return option;
 }
 
@@ -79,7 +90,7 @@ double KinodynamicSearch::calm_down(double v, double a, double high) const {
 
 KinodynamicSearch::AxisOptions KinodynamicSearch::axis_options(int axis, const Node& node) const {
   const double p = node.state.position[axis], v = node.state.velocity[axis], a = node.state.acceleration[axis];
-  const int frame = goal_frames_[static_cast<std::size_t>(node.depth)];
+  const int step = goal_steps_[static_cast<std::size_t>(node.depth)];
   // The largest and smallest a1 after which the next primitive can still keep the speed limit: v1 + tau/3 a1 <= v_max.
   const double drift = v + tau_ / 3 * a;
   double high = std::clamp((limits_.v_max - drift) / tau_, -a_lim_, a_lim_);
@@ -96,7 +107,7 @@ KinodynamicSearch::AxisOptions KinodynamicSearch::axis_options(int axis, const N
       is_new = is_new && std::abs(options.option[i].acceleration - a1) > 0.05 * a_lim_;
     }
     if (!is_new) continue;
-    options.option[options.count] = make_option(axis, p, v, a, a1, frame);
+    options.option[options.count] = make_option(axis, p, v, a, a1, step);
     if (options.option[options.count].inside) ++options.count;
   }
   return options;
@@ -115,20 +126,51 @@ bool KinodynamicSearch::leaving(int depth, int sample) const {
   return problem_.emergency || (start_blocked_ && (depth + (sample + 1.0) / kSamples) * tau_ <= options_.leave_s);
 }
 
-double KinodynamicSearch::zone_cost(const AxisOption& x, const AxisOption& y, const AxisOption& z, int depth) const {
+void KinodynamicSearch::prepare(const Node& node, const AxisOptions& xs, const AxisOptions& ys) const {
+  if (problem_.zones == nullptr) return;
+  const auto& frames = frames_[static_cast<std::size_t>(node.depth)];
+  const auto low = [](const AxisOptions& options) {
+    int voxel = std::numeric_limits<int>::max();
+    for (int i = 0; i < options.count; ++i) voxel = std::min(voxel, options.option[static_cast<std::size_t>(i)].low);
+    return voxel;
+  };
+  const auto high = [](const AxisOptions& options) {
+    int voxel = std::numeric_limits<int>::min();
+    for (int i = 0; i < options.count; ++i) voxel = std::max(voxel, options.option[static_cast<std::size_t>(i)].high);
+    return voxel;
+  };
+  const int words = problem_.blocked->geometry.words_per_frame();
+  problem_.zones->prepare(frames.front() / words, frames.back() / words, {{low(xs), low(ys)}, {high(xs), high(ys)}});
+}
+
+KinodynamicSearch::SampleColumns KinodynamicSearch::sample_columns(const AxisOption& x, const AxisOption& y,
+                                                                   int depth) const {
   const auto& frames = frames_[static_cast<std::size_t>(depth)];
-  std::array<std::int32_t, kSamples> words;
-  std::array<std::uint64_t, kSamples> bits;
-  std::uint64_t any = 0;
+  SampleColumns columns;
+  columns.any_near = 0;
   for (std::size_t i = 0; i < kSamples; ++i) {
-    words[i] = frames[i] + x.offset[i] + y.offset[i] + z.offset[i];
-    bits[i] = x.in_window[i] & y.in_window[i] & z.in_window[i];
-    any |= problem_.near->words[static_cast<std::size_t>(words[i])] & bits[i];
+    columns.word[i] = frames[i] + x.offset[i] + y.offset[i];
+    columns.inside[i] = x.in_window[i] & y.in_window[i];
+    columns.near[i] = problem_.near->words[static_cast<std::size_t>(columns.word[i])] & columns.inside[i];
+    columns.any_near |= columns.near[i];
+  }
+  return columns;
+}
+
+double KinodynamicSearch::zone_cost(const SampleColumns& columns, const AxisOption& z, int depth) const {
+  const auto word = [&](std::size_t i) { return static_cast<std::size_t>(columns.word[i] + z.offset[i]); };
+  std::uint64_t any = 0;
+  if (problem_.near->geometry.words_per_column() > 1) {
+    for (std::size_t i = 0; i < kSamples; ++i)
+      any |= problem_.near->words[word(i)] & columns.inside[i] & z.in_window[i];
+  } else if (columns.any_near != 0) {
+    for (std::size_t i = 0; i < kSamples; ++i) any |= columns.near[i] & z.in_window[i];
   }
   if (any == 0) return 0.0;  // the near zone holds the blocked one
   double cost = 0.0;
   for (std::size_t i = 0; i < kSamples; ++i) {
-    const auto in = [&](const Sogm* zone) { return (zone->words[static_cast<std::size_t>(words[i])] & bits[i]) != 0; };
+    const std::uint64_t bit = columns.inside[i] & z.in_window[i];
+    const auto in = [&](const Sogm* zone) { return (zone->words[word(i)] & bit) != 0; };
     if (!in(problem_.near)) continue;
     cost += options_.near_weight;
     if (problem_.wake != nullptr && in(problem_.wake)) cost += options_.wake_weight;

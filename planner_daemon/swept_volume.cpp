@@ -6,28 +6,6 @@
 namespace swarm {
 namespace {
 
-// Marks voxel centres within `radius` of the segment.
-void mark_capsule(const Eigen::Vector3d& from, const Eigen::Vector3d& to, double radius, int frame, PartialSogm* sogm) {
-  const GridGeometry& grid = sogm->map().geometry;
-  const Columns& columns = sogm->written(frame);
-  const Eigen::Vector3i low = grid.voxel_of(from.cwiseMin(to).array() - radius)
-                                  .cwiseMax(Eigen::Vector3i(columns.first.x(), columns.first.y(), 0));
-  const Eigen::Vector3i high = grid.voxel_of(from.cwiseMax(to).array() + radius)
-                                   .cwiseMin(Eigen::Vector3i(columns.last.x(), columns.last.y(), grid.size.z() - 1));
-  const Eigen::Vector3d along = to - from;
-  const double inverse_length2 = 1.0 / std::max(along.squaredNorm(), 1e-12);
-  for (int x = low.x(); x <= high.x(); ++x) {
-    for (int y = low.y(); y <= high.y(); ++y) {
-      std::uint64_t* column = sogm->column(frame, x, y);
-      for (int z = low.z(); z <= high.z(); ++z) {
-        const Eigen::Vector3d offset = grid.center_of({x, y, z}) - from;
-        const double s = std::clamp(offset.dot(along) * inverse_length2, 0.0, 1.0);
-        if ((offset - s * along).squaredNorm() <= radius * radius) column[z >> 6] |= std::uint64_t{1} << (z & 63);
-      }
-    }
-  }
-}
-
 double distance_from_chord(const ControlPoints& points) {
   const Eigen::Vector3d from = points.col(0), along = points.col(5) - from;
   const double inverse_length2 = 1.0 / std::max(along.squaredNorm(), 1e-12);
@@ -42,17 +20,87 @@ double distance_from_chord(const ControlPoints& points) {
 
 }  // namespace
 
-void mark_swept_volume(const Motion& motion, double radius_m, PartialSogm* sogm) {
-  const Sogm& map = sogm->map();
-  for (int frame = 0; frame < map.num_frames; ++frame) {
-    const std::int64_t begin = map.start_utime + frame * map.frame_duration_us;
-    const std::int64_t end = sogm->written(frame).empty() ? begin : begin + map.frame_duration_us;
-    for (std::int64_t from = begin; from < end;) {
-      const std::int64_t to = std::min(motion.next_knot_after(from), end);
-      const ControlPoints points = control_points_between(motion, from, to);
-      mark_capsule(points.col(0), points.col(5), radius_m + distance_from_chord(points), frame, sogm);
-      from = to;
+void SweptVolumes::lay_out(const Sogm& sogm) {
+  grid_ = sogm.geometry;
+  start_utime_ = sogm.start_utime;
+  frame_duration_us_ = sogm.frame_duration_us;
+  if (patches_.size() != static_cast<std::size_t>(sogm.num_frames)) patches_.resize(sogm.num_frames);
+  for (auto& patches : patches_) patches.clear();
+  words_.clear();
+}
+
+// Voxel centres within `radius_m` of the segment.
+void SweptVolumes::mark_capsule(const Eigen::Vector3d& from, const Eigen::Vector3d& to, double radius_m, int frame,
+                                const Columns& bounds) {
+  const Eigen::Vector3i low = grid_.voxel_of(from.cwiseMin(to).array() - radius_m)
+                                  .cwiseMax(Eigen::Vector3i(bounds.first.x(), bounds.first.y(), 0));
+  const Eigen::Vector3i high = grid_.voxel_of(from.cwiseMax(to).array() + radius_m)
+                                   .cwiseMin(Eigen::Vector3i(bounds.last.x(), bounds.last.y(), grid_.size.z() - 1));
+  if ((low.array() > high.array()).any()) return;
+  const auto words = static_cast<std::size_t>(grid_.words_per_column());
+  const Patch patch{{low.head<2>(), high.head<2>()}, words_.size()};
+  words_.resize(words_.size() + row_of(patch) * static_cast<std::size_t>(high.x() - low.x() + 1), 0);
+  patches_[static_cast<std::size_t>(frame)].push_back(patch);
+  std::uint64_t* column = words_.data() + patch.first;
+  const Eigen::Vector3d along = to - from;
+  const double inverse_length2 = 1.0 / std::max(along.squaredNorm(), 1e-12), radius2 = radius_m * radius_m;
+  const double per_m = 1.0 / grid_.resolution_m;
+  const double inverse_level2 = 1.0 / std::max(along.head<2>().squaredNorm(), 1e-12);
+  for (int x = low.x(); x <= high.x(); ++x) {
+    for (int y = low.y(); y <= high.y(); ++y, column += words) {
+      const Eigen::Vector2d offset = grid_.center_of({x, y, 0}).head<2>() - from.head<2>();
+      // Where the column passes nearest to the capsule's axis, seen from above.
+      const double passed = offset.dot(along.head<2>());
+      const double s = std::clamp(passed * inverse_level2, 0.0, 1.0);
+      const double level2 = (offset - s * along.head<2>()).squaredNorm();
+      if (level2 > radius2) continue;
+      const auto inside = [&](int z) {
+        const double rise = (grid_.origin.z() + z + 0.5) * grid_.resolution_m - from.z();
+        const double at = std::clamp((passed + rise * along.z()) * inverse_length2, 0.0, 1.0);
+        const double above = rise - at * along.z();
+        return (offset - at * along.head<2>()).squaredNorm() + above * above <= radius2;
+      };
+      // A capsule is convex, and round there.
+      const double middle = (from.z() + s * along.z()) * per_m - 0.5 - grid_.origin.z();
+      const double half = std::sqrt(radius2 - level2) * per_m;
+      const auto voxel = [&](double z) { return static_cast<int>(std::clamp<double>(z, low.z(), high.z()) + 0.5); };
+      int bottom = voxel(middle - half), top = voxel(middle + half);
+      while (bottom > low.z() && inside(bottom - 1)) --bottom;
+      while (bottom <= top && !inside(bottom)) ++bottom;
+      while (top < high.z() && inside(top + 1)) ++top;
+      while (top > bottom && !inside(top)) --top;
+      for (int z = bottom; z <= top; ++z) column[z >> 6] |= std::uint64_t{1} << (z & 63);
     }
+  }
+}
+
+void SweptVolumes::add(const Motion& motion, double radius_m, std::span<const Columns> bounds) {
+  const auto num_frames = static_cast<std::int64_t>(patches_.size());
+  const std::int64_t end = start_utime_ + num_frames * frame_duration_us_;
+  for (std::int64_t from = start_utime_; from < end;) {  // one quintic after the other
+    const std::int64_t to = std::min(motion.next_knot_after(from), end);
+    const ControlPoints quintic = control_points_between(motion, from, to);
+    const auto share = [&](std::int64_t utime) {
+      return static_cast<double>(utime - from) / static_cast<double>(to - from);
+    };
+    for (std::int64_t frame = (from - start_utime_) / frame_duration_us_; frame < num_frames; ++frame) {
+      const std::int64_t begin = start_utime_ + frame * frame_duration_us_;
+      if (begin >= to) break;
+      const Columns& columns = bounds[static_cast<std::size_t>(frame)];
+      if (columns.empty()) continue;
+      const ControlPoints points =
+          part_of(quintic, share(std::max(begin, from)), share(std::min(begin + frame_duration_us_, to)));
+      mark_capsule(points.col(0), points.col(5), radius_m + distance_from_chord(points), static_cast<int>(frame),
+                   columns);
+    }
+    from = to;
+  }
+}
+
+void SweptVolumes::append_layers(int frame, const Columns& columns, std::vector<Layer>* layers) const {
+  for (const Patch& patch : patches_[static_cast<std::size_t>(frame)]) {
+    if (intersect(patch.columns, columns))
+      layers->push_back({patch.columns, words_.data() + patch.first, row_of(patch)});
   }
 }
 

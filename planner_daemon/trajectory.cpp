@@ -30,6 +30,19 @@ MotionState evaluate_bezier(const ControlPoints& points, double h_s, double s) {
   return state;
 }
 
+// De Casteljau: what is left of `to`, and of that what is right of `from`.
+ControlPoints part_of(const ControlPoints& points, double from, double to) {
+  ControlPoints part = points;
+  for (int level = 1; level <= 5; ++level) {
+    for (int i = 5; i >= level; --i) part.col(i) = (1.0 - to) * part.col(i - 1) + to * part.col(i);
+  }
+  const double u = from / to;
+  for (int level = 1; level <= 5; ++level) {
+    for (int i = 0; i <= 5 - level; ++i) part.col(i) = (1.0 - u) * part.col(i) + u * part.col(i + 1);
+  }
+  return part;
+}
+
 double max_speed_bound(const ControlPoints& points, double h_s) {
   return 5 / h_s * (points.rightCols<5>() - points.leftCols<5>()).cwiseAbs().maxCoeff();
 }

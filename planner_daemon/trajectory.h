@@ -28,6 +28,9 @@ ControlPoints quintic_control_points(const MotionState& from, const MotionState&
 // State of the quintic with these control points at s in [0, 1].
 MotionState evaluate_bezier(const ControlPoints& points, double h_s, double s);
 
+// Control points of the part of the quintic within s in [from, to], 0 <= from < to <= 1.
+ControlPoints part_of(const ControlPoints& points, double from, double to);
+
 // Largest per-axis |velocity| and |acceleration| control point of a piece: bounds on the piece itself.
 double max_speed_bound(const ControlPoints& points, double h_s);
 double max_acceleration_bound(const ControlPoints& points, double h_s);

@@ -37,7 +37,7 @@ MapConfig map_config(const World& world, const WorldRobot& robot, const FlightOp
 PlannerNodeConfig planner_config(const World& world, const WorldRobot& robot, const FlightOptions& options) {
   PlannerNodeConfig config = options.planner;
   config.robot_id = robot.id;
-  config.planner.radius_m = robot.radius_m;
+  config.planner.zones.radius_m = robot.radius_m;
   SearchLimits& limits = config.planner.limits;
   limits.v_max = world.speed_mps;
   limits.a_max = world.acceleration_mps2;

@@ -95,7 +95,7 @@ TEST(CorridorTest, ExcludesAllThatIsOccupiedAndHoldsThePiece) {
                                       << ", piece\n"
                                       << piece);
       Polytope polytope;
-      const FiriStatus status = builder.build(piece, sogm, from, to, &polytope);
+      const FiriStatus status = builder.build(piece, {&sogm}, 0.0, from, to, &polytope);
       for (int k = 0; k < 6; ++k) ASSERT_LE(polytope.violation(piece.col(k)), 1e-9) << "control point " << k;
       const Box box = box_around(piece, options.reach_m, space_min, space_max);
       for (int i = 0; i < 60; ++i) {  // nothing outside the box
@@ -144,7 +144,7 @@ TEST(CorridorTest, ObstaclesAreTheSurfaceOfTheFramesUnion) {
     const std::int64_t from = kStart + uniform_int(rng, 0, 700'000), to = from + 200'000;
     const int first = sogm.frame_at(from), last = sogm.frame_at(to - 1);
     Polytope polytope;
-    (void)builder.build(piece, sogm, from, to, &polytope);
+    (void)builder.build(piece, {&sogm}, 0.0, from, to, &polytope);
     const Box box = box_around(piece, options.reach_m, -kEverywhere, kEverywhere);
     const GridGeometry& grid = sogm.geometry;
     const Vector3i low = grid.voxel_of(box.low), high = grid.voxel_of(box.high);
@@ -194,7 +194,7 @@ TEST(CorridorTest, AnEmptyMapGivesTheBoxInsideTheFlightSpace) {
     for (int trial = 0; trial < 30; ++trial) {
       const ControlPoints piece = random_piece(rng, {2.5, 2.5, 3});  // some leave the flight space, which gives way
       Polytope polytope;
-      ASSERT_EQ(builder.build(piece, sogm, kStart, kStart + 200'000, &polytope), FiriStatus::kGrown);
+      ASSERT_EQ(builder.build(piece, {&sogm}, 0.0, kStart, kStart + 200'000, &polytope), FiriStatus::kGrown);
       EXPECT_TRUE(builder.obstacles().empty());
       const Box box = box_around(piece, reach, space_min, space_max);
       for (int i = 0; i < 200; ++i) {
@@ -217,8 +217,8 @@ TEST(CorridorTest, LooksAtThePiecesFramesOnly) {
     // Up to the first microsecond of the next frame, not included.
     const std::int64_t from = kStart + 400'000 + uniform_int(rng, 0, 1) * 100'000, to = kStart + 800'000;
     Polytope a, b;
-    const FiriStatus status = builder.build(piece, sogm, from, to, &a);
-    ASSERT_EQ(builder.build(piece, other, from, to, &b), status);
+    const FiriStatus status = builder.build(piece, {&sogm}, 0.0, from, to, &a);
+    ASSERT_EQ(builder.build(piece, {&other}, 0.0, from, to, &b), status);
     ASSERT_EQ(a.normals, b.normals) << piece;
     ASSERT_EQ(a.offsets, b.offsets) << piece;
   }
@@ -231,7 +231,7 @@ TEST(CorridorTest, StopsAtTheVoxelsFace) {
   ControlPoints piece;
   for (int k = 0; k < 6; ++k) piece.col(k) = Vector3d(0, 0.1 * k, 0.05);
   Polytope polytope;
-  ASSERT_EQ(builder.build(piece, sogm, kStart, kStart + 200'000, &polytope), FiriStatus::kGrown);
+  ASSERT_EQ(builder.build(piece, {&sogm}, 0.0, kStart, kStart + 200'000, &polytope), FiriStatus::kGrown);
   for (double y : {-1.9, 0.0, 2.4}) {
     EXPECT_LT(polytope.violation({0.799, y, 0.05}), 0.0) << y;
     EXPECT_GT(polytope.violation({0.801, y, 0.05}), 0.0) << y;
@@ -246,9 +246,12 @@ TEST(CorridorTest, RefusesASeedAroundAnOccupiedVoxel) {
   ControlPoints piece;
   for (int k = 0; k < 6; ++k) piece.col(k) = Vector3d::Constant(0.1 * k);  // passes its centre
   Polytope polytope;
-  EXPECT_EQ(builder.build(piece, sogm, kStart + 200'000, kStart + 400'000, &polytope), FiriStatus::kSeedBlocked);
-  EXPECT_EQ(builder.build(piece, sogm, kStart + 100'000, kStart + 300'000, &polytope), FiriStatus::kSeedBlocked);
-  EXPECT_EQ(builder.build(piece, sogm, kStart, kStart + 200'000, &polytope), FiriStatus::kGrown);  // not yet there
+  EXPECT_EQ(builder.build(piece, {&sogm}, 0.0, kStart + 200'000, kStart + 400'000, &polytope),
+            FiriStatus::kSeedBlocked);
+  EXPECT_EQ(builder.build(piece, {&sogm}, 0.0, kStart + 100'000, kStart + 300'000, &polytope),
+            FiriStatus::kSeedBlocked);
+  EXPECT_EQ(builder.build(piece, {&sogm}, 0.0, kStart, kStart + 200'000, &polytope),
+            FiriStatus::kGrown);  // not yet there
 }
 
 }  // namespace

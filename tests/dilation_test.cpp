@@ -3,7 +3,9 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <stdexcept>
+#include <vector>
 
 #include "tests/random_map.h"
 #include "tests/random_reach.h"
@@ -48,7 +50,7 @@ TEST(Dilation, EqualsBruteForce) {
       for (double resolution_m : {0.1, 0.15, 0.08}) {
         const Sogm in = random_bits(size, 2, density, resolution_m, rng);
         for (int radius_tenths : {0, 7, 10, 14, 15, 20, 30, 37, 50, 90}) {
-          out = dilator.dilate(in, radius_tenths * resolution_m / 10);
+          dilator.dilate(in, radius_tenths * resolution_m / 10, &out);
           brute_force(in, radius_tenths, &expected);
           EXPECT_TRUE(out.words == expected.words)
               << "size " << size.transpose() << " density " << density << " resolution " << resolution_m << " radius "
@@ -87,34 +89,83 @@ TEST(Dilation, RadiusLargerThanTheWindowFillsIt) {
   }
 }
 
-// As without a reach in the columns that are reached; the others are clear, whatever the Dilator held before.
-TEST(Dilation, ReachLimitsTheWorkAndNothingElse) {
+Columns random_columns(Rng& rng, const Eigen::Vector2i& size) {
+  const Eigen::Vector2i first(uniform_int(rng, 0, size.x() - 1), uniform_int(rng, 0, size.y() - 1));
+  return {first, {uniform_int(rng, first.x(), size.x() - 1), uniform_int(rng, first.y(), size.y() - 1)}};
+}
+
+// Boxes of the union of whole frames and of parts of others; every stride-th column of it as well.
+TEST(Dilation, BoxesAndSamplesOfSeveralLayersEqualTheWhole) {
   Rng rng(7);
-  int kept = 0, dropped = 0;
   Dilator dilator;
   Sogm whole;
-  for (int trial = 0; trial < 60; ++trial) {
-    const Sogm in = random_bits({24, 17, trial / 20 == 1 ? 70 : 9}, 5, 0.01, 0.1, rng);
-    const Reach reach = random_reach(rng, in);
-    const double linger_s = trial % 3 == 0 ? uniform(rng, 0.0, 0.3) : 0.0;
-    dilate(in, 0.25, &whole);
-    const Sogm& part = dilator.dilate(in, 0.25, &reach, linger_s);
-    for (int frame = 0; frame < in.num_frames; ++frame) {
-      const Columns columns = reached(in, frame, reach, linger_s);
+  int set = 0, sampled = 0;
+  for (int trial = 0; trial < 300; ++trial) {
+    const Eigen::Vector3i size(uniform_int(rng, 3, 30), uniform_int(rng, 3, 30),
+                               std::array{9, 64, 70, 130}[static_cast<std::size_t>(trial % 4)]);
+    const Sogm in = random_bits(size, 3, 0.01, 0.1, rng), patches = random_bits(size, 2, 0.05, 0.1, rng);
+    const double radius_m = uniform(rng, 0.0, 0.45);
+    const auto words = static_cast<std::size_t>(in.geometry.words_per_column());
+    SCOPED_TRACE(testing::Message() << "trial " << trial << ", size " << size.transpose() << ", " << radius_m << " m");
+    std::vector<Layer> layers;
+    Sogm all;
+    all.reset(in.geometry, 1, 0, 1);
+    for (int frame = 0; frame < uniform_int(rng, 0, 3); ++frame) {
+      layers.push_back(layer_of(in, frame));
+      for (std::size_t i = 0; i < all.words.size(); ++i) all.words[i] |= in.column(frame, 0, 0)[i];
+    }
+    for (int frame = 0; frame < uniform_int(rng, 0, 2); ++frame) {
+      const Columns part = random_columns(rng, size.head<2>());
+      Layer layer = layer_of(patches, frame);
+      layer.columns = part;
+      layer.words = patches.column(frame, part.first.x(), part.first.y());
+      layers.push_back(layer);
       for_each_column(in.geometry, [&](int x, int y) {
-        for (int w = 0; w < in.geometry.words_per_column(); ++w) {
-          const std::uint64_t a = whole.column(frame, x, y)[w], b = part.column(frame, x, y)[w];
-          EXPECT_EQ(b, holds(columns, x, y) ? a : 0)
-              << "trial " << trial << " frame " << frame << ": " << x << ' ' << y;
-          kept += b != 0;
-          dropped += a != b;
-        }
+        for (std::size_t w = 0; w < words && holds(part, x, y); ++w)
+          all.column(0, x, y)[w] |= patches.column(frame, x, y)[w];
       });
-      ASSERT_FALSE(HasFailure());
+    }
+    dilate(all, radius_m, &whole);
+    dilator.set(in.geometry, radius_m);
+
+    const Columns columns = random_columns(rng, size.head<2>());
+    const std::size_t row = static_cast<std::size_t>(columns.width()) * words + 3;
+    constexpr std::uint64_t kUntouched = 0x5a5a;
+    std::vector<std::uint64_t> out(row * static_cast<std::size_t>(columns.last.x() - columns.first.x() + 1),
+                                   kUntouched);
+    dilator.dilate(layers, columns, out.data(), row);
+    for (std::size_t i = 0; i < out.size(); ++i) {
+      const int x = columns.first.x() + static_cast<int>(i / row);
+      const auto at = i % row;
+      if (at < row - 3) {
+        const int y = columns.first.y() + static_cast<int>(at / words);
+        ASSERT_EQ(out[i], whole.column(0, x, y)[at % words]) << x << ' ' << y;
+        set += out[i] != 0;
+      } else {
+        ASSERT_EQ(out[i], kUntouched) << "between the rows";
+      }
+    }
+
+    const int stride = uniform_int(rng, 1, 4);
+    const Eigen::Vector2i cells = (size.head<2>().array() - 1 - stride / 2) / stride + 1;
+    if (cells.minCoeff() < 1 || size.head<2>().minCoeff() <= stride / 2) continue;
+    const Columns some = random_columns(rng, cells);
+    std::vector<std::uint64_t> samples(
+        static_cast<std::size_t>((some.last.x() - some.first.x() + 1) * some.width()) * words, kUntouched);
+    dilator.sample(layers, stride, some, samples.data());
+    const std::uint64_t* sample = samples.data();
+    for (int x = some.first.x(); x <= some.last.x(); ++x) {
+      for (int y = some.first.y(); y <= some.last.y(); ++y) {
+        for (std::size_t w = 0; w < words; ++w, ++sample) {
+          ASSERT_EQ(*sample, whole.column(0, stride * x + stride / 2, stride * y + stride / 2)[w])
+              << "stride " << stride << ", cell " << x << ' ' << y;
+          sampled += *sample != 0;
+        }
+      }
     }
   }
-  EXPECT_GT(kept, 1000);
-  EXPECT_GT(dropped, 1000);
+  EXPECT_GT(set, 5000);
+  EXPECT_GT(sampled, 1000);
 }
 
 TEST(Dilation, RefusesSenselessRadii) {

@@ -521,8 +521,8 @@ TEST(KinodynamicSearchTest, InAnEmergencyTheWayOutDoesLeastHarm) {
     SearchProblem problem = scene.problem(at_rest({0, 0, 0}), kStart, -3 * side);
     problem.emergency = true;
     problem.fine = false;
-    cost_to_go.build(scene.blocked, nullptr, {problem.start.position, kStart, limits.v_max, 1.0}, problem.goal,
-                     limits.space_min, limits.space_max);
+    cost_to_go.build({&occupied}, kBlocked_m, nullptr, {problem.start.position, kStart, limits.v_max, 1.0},
+                     problem.goal, limits.space_min, limits.space_max);
     problem.cost_to_go = &cost_to_go;
     SearchResult result;
     ASSERT_EQ(search.find(problem, &result), SearchStatus::kSurvives);

@@ -119,7 +119,7 @@ void check_plan(const PlanResult& result, const PlanRequest& request, const Plan
 
   const Sogm occupied = compose_independently(request);
   const GridGeometry& grid = occupied.geometry;
-  const double radius = config.radius_m + config.clearance_m;
+  const double radius = config.zones.radius_m + config.zones.clearance_m;
   const auto free_at = [&](std::int64_t t) {
     const Eigen::Vector3i voxel = grid.voxel_of(plan.at(t).position);
     return distance_to_occupied(occupied, occupied.frame_at(t), grid.center_of(voxel), radius + 0.01) > radius - 1e-6;
@@ -245,7 +245,7 @@ TEST(PlannerTest, LetsAMovingColumnPass) {
 TEST(PlannerTest, KeepsOutOfWakes) {
   const auto samples_in_wake = [](double wake_s) {
     PlannerConfig config = flat_config();
-    config.wake_s = wake_s;
+    config.zones.wake_s = wake_s;
     Planner planner(config);
     Sogm sogm = map_at(kStart);
     const Vector3d from(0, -0.2, 0), velocity(0, 0.9, 0);
@@ -395,8 +395,8 @@ TEST(PlannerTest, GuidanceServesPlansForAWhile) {
     if (walled) mark_box(&sogm, {3.0, -2.0, -9}, {3.4, 2.0, 9});
     planner.plan(make_request(sogm, hovering({0.03, 0.03, 0.02}), goal));
     const CostToGo& to_go = *planner.search_problem().cost_to_go;
-    return to_go.delay_s(kFrames, to_go.cell_of(kFrames, 0, 2.3), to_go.cell_of(kFrames, 1, 0.1),
-                         to_go.cell_of(kFrames, 2, 0.1));
+    const int last = to_go.num_steps();
+    return to_go.delay_s(last, to_go.cell_of(last, 0, 2.3), to_go.cell_of(last, 1, 0.1), to_go.cell_of(last, 2, 0.1));
   };
   const Vector3d goal(4.5, 0.1, 0.1);
   EXPECT_EQ(detour_s(kStart, false, goal), 0.0);
@@ -420,7 +420,7 @@ double jerk_integral(const Trajectory& trajectory) {
 TEST(PlannerTest, SmoothingLowersTheJerkOfTheSearchedPathInsideItsCorridors) {
   Rng rng(1);
   PlannerConfig config = flat_config();
-  config.wake_s = 0.0;
+  config.zones.wake_s = 0.0;
   Planner planner(config);
   SearchLimits limits = config.limits;
   limits.v_max *= Planner::kUsableSpeed;
@@ -438,19 +438,17 @@ TEST(PlannerTest, SmoothingLowersTheJerkOfTheSearchedPathInsideItsCorridors) {
     const Reach reach{start.position, request.start_utime,
                       limits.v_max,   1e-6 * config.search.piece_us * config.search.num_pieces,
                       limits.a_max,   start.velocity};
-    Dilator dilator;
-    const Sogm blocked = dilator.dilate(sogm, config.radius_m + config.clearance_m, &reach, config.wake_s);
-    Sogm near, tight, contact;
-    dilate(blocked, config.comfort_m, &near);
-    dilate(sogm, config.radius_m + config.tight_m, &tight);
-    dilate(sogm, config.radius_m - config.contact_m, &contact);
-    Sogm still, standing;  // occupied in every frame
+    Sogm blocked, near, tight, contact;
+    dilate(sogm, config.zones.radius_m + config.zones.clearance_m, &blocked);
+    dilate(blocked, config.zones.comfort_m, &near);
+    dilate(sogm, config.zones.radius_m + config.zones.tight_m, &tight);
+    dilate(sogm, config.zones.radius_m - config.zones.contact_m, &contact);
+    Sogm still;  // occupied in every frame
     still.reset(sogm.geometry, 1, kStart, sogm.frame_duration_us);
     for (std::size_t i = 0; i < still.words.size(); ++i) {
       still.words[i] = ~std::uint64_t{0};
       for (int frame = 0; frame < sogm.num_frames; ++frame) still.words[i] &= sogm.column(frame, 0, 0)[i];
     }
-    dilate(still, config.radius_m + config.clearance_m, &standing);
     SearchProblem problem;
     problem.fine = false;  // as the planner looks first
     problem.start = start;
@@ -463,8 +461,10 @@ TEST(PlannerTest, SmoothingLowersTheJerkOfTheSearchedPathInsideItsCorridors) {
     problem.contact = &contact;
     CostToGo cost_to_go;
     Guidance guidance;
-    const bool guided = guidance.build(standing, request.goal, limits.space_min.z(), limits.space_max.z());
-    cost_to_go.build(blocked, guided ? &guidance : nullptr, reach, request.goal, limits.space_min, limits.space_max);
+    const double blocked_m = config.zones.blocked_m();
+    const bool guided = guidance.build({&still}, blocked_m, request.goal, limits.space_min.z(), limits.space_max.z());
+    cost_to_go.build({&sogm}, blocked_m, guided ? &guidance : nullptr, reach, request.goal, limits.space_min,
+                     limits.space_max);
     problem.cost_to_go = &cost_to_go;
     SearchResult path;
     SCOPED_TRACE(testing::Message() << "trial " << trial << ": " << describe(request, result));
@@ -563,41 +563,6 @@ TEST(PlannerTest, SmoothTrajectoriesKeepTheLimitsFromAnyStart) {
   }
   EXPECT_GT(smooth, 10);
   EXPECT_GT(other, 2);
-}
-
-// At a reported time the motion is blocked; and it was not blocked for 10 ms in a row before.
-TEST(PlannerTest, FirstBlockedAgreesWithBruteForce) {
-  Rng rng(3);
-  int blocked = 0, by_the_tail = 0;
-  Sogm sogm;
-  for (int trial = 0; trial < 200; ++trial) {
-    if (trial % 5 == 0) sogm = random_map(rng, uniform_int(rng, 1, 25), {4, 4, 3}, 10, kStart, 200'000);
-    const Motion motion = random_motion(rng, kStart - uniform_int(rng, 0, 500'000), 1.8);
-    const std::int64_t from = kStart + uniform_int(rng, -100'000, 2'500'000);
-    const auto is_blocked = [&](std::int64_t t) {
-      return sogm.occupied(sogm.frame_at(t), sogm.geometry.voxel_of(motion.at(t).position));
-    };
-    std::int64_t in_a_row = kNever;
-    int count = 0;
-    const std::int64_t map_end = kStart + 2'000'000, end = std::max(motion.end_utime(), map_end);
-    for (std::int64_t t = from; t < end && in_a_row == kNever; t += 500) {
-      count = is_blocked(t) ? count + 1 : 0;
-      if (count > 20) in_a_row = t;
-    }
-    const std::int64_t reported = Planner::first_blocked(motion, sogm, from);
-    SCOPED_TRACE(testing::Message() << "trial " << trial << ", from " << from - kStart << ", reported "
-                                    << reported - kStart << "\n"
-                                    << motion);
-    ASSERT_LE(reported, in_a_row);
-    if (reported == kNever) continue;
-    ++blocked;
-    ASSERT_GE(reported, from);
-    ASSERT_TRUE(is_blocked(reported));
-    by_the_tail += reported > motion.end_utime();
-  }
-  EXPECT_GT(blocked, 30);
-  EXPECT_LT(blocked, 190);
-  EXPECT_GT(by_the_tail, 0);
 }
 
 TEST(PlannerTest, TimesItsStepsWithTheStopwatchOnly) {

@@ -1,7 +1,7 @@
 // What a robot may reach, for the tests of maps that are worked out there only.
 #pragma once
 
-#include "map_daemon/partial_sogm.h"
+#include "map_daemon/reach.h"
 #include "tests/random_motion.h"
 
 namespace swarm {

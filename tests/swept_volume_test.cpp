@@ -39,12 +39,35 @@ double bulge(const Motion& motion, std::int64_t from, std::int64_t to) {
   return largest;
 }
 
-// `sogm`, all its columns written.
-PartialSogm all_of(const Sogm& sogm) {
-  PartialSogm part;
-  part.lay_out(sogm);
-  for (int frame = 0; frame < sogm.num_frames; ++frame) part.copy(sogm, frame, all_columns(sogm.geometry));
-  return part;
+// What the layers of all frames hold, drawn into a map like `sogm`.
+Sogm drawn(const SweptVolumes& volumes, const Sogm& sogm) {
+  Sogm out;
+  out.reset(sogm.geometry, sogm.num_frames, sogm.start_utime, sogm.frame_duration_us);
+  const auto words = static_cast<std::size_t>(sogm.geometry.words_per_column());
+  for (int frame = 0; frame < sogm.num_frames; ++frame) {
+    std::vector<Layer> layers;
+    volumes.append_layers(frame, all_columns(sogm.geometry), &layers);
+    for (const Layer& layer : layers) {
+      for (int x = layer.columns.first.x(); x <= layer.columns.last.x(); ++x) {
+        for (std::size_t i = 0; i < static_cast<std::size_t>(layer.columns.width()) * words; ++i) {
+          out.column(frame, x, layer.columns.first.y())[i] |=
+              layer.words[static_cast<std::size_t>(x - layer.columns.first.x()) * layer.row + i];
+        }
+      }
+    }
+  }
+  return out;
+}
+
+Sogm swept(const Motion& motion, double radius_m, const Sogm& sogm, const std::vector<Columns>& bounds) {
+  SweptVolumes volumes;
+  volumes.lay_out(sogm);
+  volumes.add(motion, radius_m, bounds);
+  return drawn(volumes, sogm);
+}
+
+std::vector<Columns> everywhere(const Sogm& sogm) {
+  return std::vector<Columns>(static_cast<std::size_t>(sogm.num_frames), all_columns(sogm.geometry));
 }
 
 Sogm random_window(Rng& rng) {
@@ -64,16 +87,15 @@ TEST(SweptVolumeTest, MarksWhatTheMotionSweepsInEachFrameAndLittleMore) {
   int switches_inside_a_frame = 0;
   std::int64_t marked = 0, needed = 0;
   for (int trial = 0; trial < 60; ++trial) {
-    PartialSogm part = all_of(random_window(rng));
-    const Sogm& sogm = part.map();
+    const Sogm window = random_window(rng);
     const Motion motion = random_motion(rng, kStart - uniform_int(rng, 0, 1'000'000), 2.0);
     const double radius = uniform(rng, 0.1, 0.5);
+    const Sogm sogm = swept(motion, radius, window, everywhere(window));
     SCOPED_TRACE(testing::Message() << "trial " << trial << ", radius " << radius << ", resolution "
                                     << sogm.geometry.resolution_m << ", origin " << sogm.geometry.origin.transpose()
                                     << ", size " << sogm.geometry.size.transpose() << ", " << sogm.num_frames
                                     << " frames of " << sogm.frame_duration_us << "\n"
                                     << motion);
-    mark_swept_volume(motion, radius, &part);
     const GridGeometry& grid = sogm.geometry;
     for (int frame = 0; frame < sogm.num_frames; ++frame) {
       const std::int64_t from = kStart + frame * sogm.frame_duration_us, to = from + sogm.frame_duration_us;
@@ -126,54 +148,55 @@ TEST(SweptVolumeTest, HoverTailFillsAllLaterFramesWithTheSameBall) {
   GridGeometry geometry;
   geometry.size = {20, 20, 20};
   sogm.reset(geometry, 4, kStart, 200'000);
-  PartialSogm part = all_of(sogm);
-  mark_swept_volume({Trajectory::hover(1, kStart - 10'000'000, {1.0, 1.0, 1.0}), {}}, 0.3, &part);
+  const Sogm marked =
+      swept({Trajectory::hover(1, kStart - 10'000'000, {1.0, 1.0, 1.0}), {}}, 0.3, sogm, everywhere(sogm));
   for (int frame = 0; frame < 4; ++frame) {
     for (int x = 0; x < 20; ++x) {
       for (int y = 0; y < 20; ++y) {
         for (int z = 0; z < 20; ++z) {
           const double distance = (geometry.center_of({x, y, z}) - Vector3d(1, 1, 1)).norm();
-          ASSERT_EQ(part.map().occupied(frame, {x, y, z}), distance <= 0.3)
-              << frame << ": " << x << ' ' << y << ' ' << z;
+          ASSERT_EQ(marked.occupied(frame, {x, y, z}), distance <= 0.3) << frame << ": " << x << ' ' << y << ' ' << z;
         }
       }
     }
   }
 }
 
-TEST(SweptVolumeTest, AddsToWhatIsThereAndKeepsOffFarWindows) {
+TEST(SweptVolumeTest, KeepsOffFarWindowsAndHoldsSeveralMotions) {
   Sogm sogm;
-  GridGeometry geometry;
-  geometry.size = {10, 10, 10};
-  sogm.reset(geometry, 2, kStart, 200'000);
-  sogm.column(1, 3, 4)[0] = 1u << 5;
-  PartialSogm part = all_of(sogm);
-  mark_swept_volume({Trajectory::hover(1, kStart, {-5, 0, 50}), {}}, 0.3, &part);
-  EXPECT_EQ(part.map().words, sogm.words);
-  mark_swept_volume({Trajectory::hover(1, kStart, {0.85, 0.85, 0.85}), {}}, 0.1, &part);
-  EXPECT_TRUE(part.map().occupied(1, {3, 4, 5}));
-  EXPECT_TRUE(part.map().occupied(1, {8, 8, 8}));
+  sogm.reset({.resolution_m = 0.1, .origin = {0, 0, 0}, .size = {10, 10, 10}}, 2, kStart, 200'000);
+  SweptVolumes volumes;
+  volumes.lay_out(sogm);
+  volumes.add({Trajectory::hover(1, kStart, {-5, 0, 50}), {}}, 0.3, everywhere(sogm));
+  EXPECT_EQ(drawn(volumes, sogm).words, sogm.words);
+  volumes.add({Trajectory::hover(1, kStart, {0.85, 0.85, 0.85}), {}}, 0.1, everywhere(sogm));
+  volumes.add({Trajectory::hover(1, kStart, {0.25, 0.35, 0.45}), {}}, 0.1, everywhere(sogm));
+  EXPECT_TRUE(drawn(volumes, sogm).occupied(1, {2, 3, 4}));
+  EXPECT_TRUE(drawn(volumes, sogm).occupied(1, {8, 8, 8}));
+  std::vector<Layer> layers;
+  volumes.append_layers(0, {{0, 0}, {3, 3}}, &layers);
+  EXPECT_FALSE(layers.empty());
+  for (const Layer& layer : layers) EXPECT_LE(layer.columns.last.maxCoeff(), 4) << "the other one is elsewhere";
+  volumes.lay_out(sogm);
+  EXPECT_EQ(drawn(volumes, sogm).words, sogm.words);
 }
 
-TEST(SweptVolumeTest, KeepsToTheWrittenColumns) {
+TEST(SweptVolumeTest, KeepsToTheBounds) {
   Sogm sogm;
   sogm.reset({.resolution_m = 0.1, .origin = {0, 0, 0}, .size = {20, 20, 20}}, 2, kStart, 200'000);
-  PartialSogm part;
-  part.lay_out(sogm);
-  const Columns columns{{8, 9}, {15, 10}};
-  part.claim(0, columns);
-  mark_swept_volume({Trajectory::hover(1, kStart, {1.0, 1.0, 1.0}), {}}, 0.3, &part);
-  int marked = 0;
+  const Sogm marked =
+      swept({Trajectory::hover(1, kStart, {1.0, 1.0, 1.0}), {}}, 0.3, sogm, {Columns{{8, 9}, {15, 10}}, Columns{}});
+  int count = 0;
   for (int x = 0; x < 20; ++x) {
     for (int y = 0; y < 20; ++y) {
-      const bool inside = x >= 8 && y >= 9 && y <= 10;
+      const bool inside = x >= 8 && x <= 15 && y >= 9 && y <= 10;
       const double distance = (sogm.geometry.center_of({x, y, 9}) - Vector3d(1, 1, 1)).norm();
-      EXPECT_EQ(part.map().occupied(0, {x, y, 9}), inside && distance <= 0.3) << x << ' ' << y;
-      EXPECT_FALSE(part.map().occupied(1, {x, y, 9})) << "never claimed: " << x << ' ' << y;
-      marked += inside && distance <= 0.3;
+      EXPECT_EQ(marked.occupied(0, {x, y, 9}), inside && distance <= 0.3) << x << ' ' << y;
+      EXPECT_FALSE(marked.occupied(1, {x, y, 9})) << "no bounds: " << x << ' ' << y;
+      count += inside && distance <= 0.3;
     }
   }
-  EXPECT_GT(marked, 5);
+  EXPECT_GT(count, 5);
 }
 
 }  // namespace

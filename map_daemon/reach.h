@@ -1,10 +1,9 @@
-// SOGMs of which only what a robot can reach is worked out: the rest would never be looked at.
+// Where a robot can come to while a frame of the SOGM is in force: the rest need not be worked out.
 #pragma once
 
 #include <algorithm>
 #include <cstdint>
 #include <limits>
-#include <vector>
 
 #include "map_daemon/sogm.h"
 
@@ -39,6 +38,10 @@ struct Columns {
 
 Columns all_columns(const GridGeometry& geometry);
 
+inline bool intersect(const Columns& a, const Columns& b) {
+  return (a.first.array() <= b.last.array()).all() && (b.first.array() <= a.last.array()).all();
+}
+
 // visit(x, first_y, last_y) for the rows of `all`, as far as they are not in `kept`.
 template <class Visit>
 void for_each_outside(const Columns& all, const Columns& kept, const Visit& visit) {
@@ -58,29 +61,5 @@ void for_each_outside(const Columns& all, const Columns& kept, const Visit& visi
 // What `reach` comes to while the frame is in force (the last one stays for ever) or up to `linger_s` later; at most a
 // voxel more to each side.
 Columns reached(const Sogm& sogm, int frame, const Reach& reach, double linger_s = 0.0);
-
-// Bits are set in a box of columns per frame; all else is clear. Keeps its memory, and clears only what was written.
-class PartialSogm {
- public:
-  const Sogm& map() const { return map_; }
-  const Columns& written(int frame) const { return written_[static_cast<std::size_t>(frame)]; }
-
-  // What was written before is there until its frame is claimed.
-  void lay_out(const GridGeometry& geometry, int num_frames, std::int64_t start_utime, std::int64_t frame_duration_us);
-  void lay_out(const Sogm& like) { lay_out(like.geometry, like.num_frames, like.start_utime, like.frame_duration_us); }
-  // The caller is about to set all words of these columns, from column() on; the frame's others are cleared.
-  void claim(int frame, const Columns& columns);
-  std::uint64_t* column(int frame, int x, int y) { return map_.column(frame, x, y); }
-
-  // Claims the columns and copies them from `from`, of the same layout.
-  void copy(const Sogm& from, int frame, const Columns& columns);
-  // Claims what is reached: what is occupied in `from` in the same frame or up to `frames_before` before.
-  void accumulate(const Sogm& from, int frames_before, const Reach& reach);
-
- private:
-  Sogm map_;
-  std::vector<Columns> written_;               // by frame
-  std::vector<const std::uint64_t*> sources_;  // of accumulate()
-};
 
 }  // namespace swarm

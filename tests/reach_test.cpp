@@ -1,12 +1,11 @@
-// What a robot reaches, against motions that keep its limits; maps that hold no more than that.
-#include "map_daemon/partial_sogm.h"
+// What a robot reaches, against motions that keep its limits.
+#include "map_daemon/reach.h"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cmath>
 
-#include "tests/random_map.h"
 #include "tests/random_reach.h"
 
 namespace swarm {
@@ -107,59 +106,6 @@ TEST(ReachTest, ColumnsGrowAsFarAsTheWindow) {
   EXPECT_EQ(grown.first, Eigen::Vector2i(0, 7));
   EXPECT_EQ(grown.last, Eigen::Vector2i(18, 29));
   EXPECT_TRUE(Columns{}.grown(3, grid).empty());
-}
-
-TEST(PartialSogmTest, HoldsWhatWasClaimedLastAndNothingElse) {
-  Rng rng(5);
-  PartialSogm part;
-  for (int trial = 0; trial < 200; ++trial) {
-    const bool tall = trial / 50 % 2 == 1;  // one layout for a while
-    const Sogm in = random_bits({9, 11, tall ? 70 : 20}, 2, 0.3, 0.1, rng);
-    part.lay_out(in);
-    EXPECT_EQ(part.map().geometry, in.geometry);
-    EXPECT_EQ(part.map().start_utime, in.start_utime);
-    EXPECT_EQ(part.map().frame_duration_us, in.frame_duration_us);
-    for (int frame = 0; frame < 2; ++frame) {
-      Columns columns{{uniform_int(rng, 0, 8), uniform_int(rng, 0, 10)},
-                      {uniform_int(rng, 0, 8), uniform_int(rng, 0, 10)}};
-      if (trial % 3 != 0 && columns.empty()) columns = all_columns(in.geometry);
-      part.copy(in, frame, columns);
-      for_each_column(in.geometry, [&](int x, int y) {
-        for (int w = 0; w < in.geometry.words_per_column(); ++w) {
-          EXPECT_EQ(part.map().column(frame, x, y)[w], holds(columns, x, y) ? in.column(frame, x, y)[w] : 0)
-              << "trial " << trial << " frame " << frame << ": " << x << ' ' << y;
-        }
-      });
-      ASSERT_FALSE(HasFailure());
-    }
-  }
-}
-
-TEST(PartialSogmTest, AccumulatesWhatWasOccupiedSomeFramesBefore) {
-  Rng rng(11);
-  PartialSogm part;
-  int set = 0;
-  for (int trial = 0; trial < 60; ++trial) {
-    const Sogm in = random_bits({21, 24, trial / 20 == 1 ? 70 : 9}, 6, 0.02, 0.1, rng);
-    const Reach reach = random_reach(rng, in);
-    const int before = uniform_int(rng, 0, 8);
-    part.accumulate(in, before, reach);
-    for (int frame = 0; frame < in.num_frames; ++frame) {
-      const Columns columns = reached(in, frame, reach);
-      for_each_column(in.geometry, [&](int x, int y) {
-        for (int w = 0; w < in.geometry.words_per_column(); ++w) {
-          std::uint64_t expected = 0;
-          for (int earlier = std::max(0, frame - before); earlier <= frame; ++earlier)
-            expected |= holds(columns, x, y) ? in.column(earlier, x, y)[w] : 0;
-          EXPECT_EQ(part.map().column(frame, x, y)[w], expected)
-              << "trial " << trial << " frame " << frame << ": " << x << ' ' << y;
-          set += expected != 0;
-        }
-      });
-      ASSERT_FALSE(HasFailure());
-    }
-  }
-  EXPECT_GT(set, 3000);
 }
 
 }  // namespace

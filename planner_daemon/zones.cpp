@@ -1,0 +1,158 @@
+#include "planner_daemon/zones.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace swarm {
+namespace {
+
+constexpr int kTile = 8;  // columns along each edge of what is worked out at once
+constexpr std::int64_t kCheckStep_us = 10'000;
+
+double peer_reach_m(const Peer& peer, const Sogm& sogm) {
+  return peer.radius_m + 0.5 * sogm.geometry.resolution_m;
+}
+
+// What it held stays.
+void lay_out(const Sogm& like, int num_frames, Sogm* sogm) {
+  if (sogm->geometry.size != like.geometry.size || sogm->num_frames != num_frames)
+    sogm->reset(like.geometry, num_frames, like.start_utime, like.frame_duration_us);
+  sogm->geometry = like.geometry;
+  sogm->start_utime = like.start_utime;
+  sogm->frame_duration_us = like.frame_duration_us;
+}
+
+}  // namespace
+
+void Zones::compose(const Sogm& sogm, const std::vector<Peer>& peers, const Reach& reach) {
+  reach_ = reach;
+  occupancy_ = {&sogm, &peers_};
+  add_peers(peers);
+  for (Sogm* zone : {&blocked_, &tight_, &contact_, &wake_, &near_}) lay_out(sogm, sogm.num_frames, zone);
+  blocked_dilator_.set(sogm.geometry, options_.blocked_m());
+  near_dilator_.set(sogm.geometry, options_.comfort_m);
+  tight_dilator_.set(sogm.geometry, options_.radius_m + options_.tight_m);
+  contact_dilator_.set(sogm.geometry, std::max(0.0, options_.radius_m - options_.contact_m));
+  frames_back_ = static_cast<int>(std::llround(1e6 * options_.wake_s / static_cast<double>(sogm.frame_duration_us)));
+  emergency_ = false;
+  tiles_ = (sogm.geometry.size.head<2>().array() + kTile - 1) / kTile;
+  const auto tiles = static_cast<std::size_t>(sogm.num_frames) * static_cast<std::size_t>(tiles_.prod());
+  if (blocked_rounds_.size() != tiles || round_ == std::numeric_limits<std::uint32_t>::max()) {
+    for (auto* rounds : {&blocked_rounds_, &near_rounds_, &emergency_rounds_}) rounds->assign(tiles, 0);
+    round_ = 0;
+  }
+  ++round_;
+}
+
+// Only where they keep the robot off a place it comes to, or leave their wake there.
+void Zones::add_peers(const std::vector<Peer>& peers) {
+  const Sogm& sogm = *occupancy_.sogm;
+  const double most_m = options_.radius_m + std::max(options_.clearance_m, options_.tight_m) + options_.comfort_m;
+  const int margin = static_cast<int>(std::ceil(most_m / sogm.geometry.resolution_m)) + 1;
+  peers_.lay_out(sogm);
+  bounds_.clear();
+  for (int frame = 0; frame < sogm.num_frames; ++frame)
+    bounds_.push_back(reached(sogm, frame, reach_, options_.wake_s).grown(margin, sogm.geometry));
+  for (const Peer& peer : peers) {
+    peers_.add(peer.motion, peer_reach_m(peer, sogm), bounds_);
+    if (!peer.announced.empty()) peers_.add({peer.motion.committed, peer.announced}, peer_reach_m(peer, sogm), bounds_);
+  }
+}
+
+const Occupancy& Zones::compose_standing(const std::vector<Peer>& peers) {
+  const Sogm& sogm = *occupancy_.sogm;
+  lay_out(sogm, 1, &still_);
+  still_.frame_duration_us = sogm.num_frames * sogm.frame_duration_us;
+  const auto n = static_cast<std::size_t>(sogm.geometry.words_per_frame());
+  const std::uint64_t *first = sogm.column(0, 0, 0), *last = sogm.column(sogm.num_frames - 1, 0, 0);
+  still_words_.clear();  // little is left of the first and the last frame together
+  for (std::size_t i = 0; i < n; ++i) {
+    still_.words[i] = first[i] & last[i];
+    if (still_.words[i] != 0) still_words_.push_back(i);
+  }
+  for (int frame = 1; frame + 1 < sogm.num_frames; ++frame) {
+    const std::uint64_t* words = sogm.column(frame, 0, 0);
+    for (const std::size_t i : still_words_) still_.words[i] &= words[i];
+  }
+  const Columns all = all_columns(sogm.geometry);
+  standing_peers_.lay_out(still_);
+  for (const Peer& peer : peers) {
+    if (peer.motion.end_utime() <= sogm.start_utime)
+      standing_peers_.add(peer.motion, peer_reach_m(peer, sogm), {&all, 1});
+  }
+  standing_ = {&still_, &standing_peers_};
+  return standing_;
+}
+
+template <class WorkOut>
+void Zones::for_each_new_tile(int first_frame, int last_frame, const Columns& columns,
+                              std::vector<std::uint32_t>* rounds, const WorkOut& work_out) {
+  const Eigen::Vector2i edge = all_columns(occupancy_.sogm->geometry).last;
+  if ((columns.last.array() < 0).any()) return;
+  const Eigen::Vector2i first = columns.first.cwiseMax(0) / kTile, last = columns.last.cwiseMin(edge) / kTile;
+  for (int frame = first_frame; frame <= last_frame; ++frame) {
+    for (int x = first.x(); x <= last.x(); ++x) {
+      for (int y = first.y(); y <= last.y(); ++y) {
+        std::uint32_t& round = (*rounds)[static_cast<std::size_t>((frame * tiles_.x() + x) * tiles_.y() + y)];
+        if (round == round_) continue;
+        round = round_;
+        const Eigen::Vector2i corner(kTile * x, kTile * y);
+        work_out(frame, Columns{corner, (corner.array() + kTile - 1).matrix().cwiseMin(edge)});
+      }
+    }
+  }
+}
+
+void Zones::prepare_blocked(int first_frame, int last_frame, const Columns& columns) {
+  for_each_new_tile(first_frame, last_frame, columns, &blocked_rounds_,
+                    [this](int frame, const Columns& tile) { dilate(frame, tile, &blocked_dilator_, &blocked_); });
+  if (!emergency_) return;
+  for_each_new_tile(first_frame, last_frame, columns, &emergency_rounds_, [this](int frame, const Columns& tile) {
+    dilate(frame, tile, &tight_dilator_, &tight_);
+    dilate(frame, tile, &contact_dilator_, &contact_);
+  });
+}
+
+void Zones::prepare(int first_frame, int last_frame, const Columns& columns) {
+  prepare_blocked(first_frame, last_frame, columns);
+  for_each_new_tile(first_frame, last_frame, columns, &near_rounds_,
+                    [this](int frame, const Columns& tile) { work_out_near(frame, tile); });
+}
+
+void Zones::dilate(int frame, const Columns& tile, Dilator* dilator, Sogm* zone) {
+  layers_.clear();
+  occupancy_.append_layers(frame, tile.grown(dilator->reach(), zone->geometry), &layers_);
+  dilator->dilate(layers_, tile, zone->column(frame, tile.first.x(), tile.first.y()), layers_.front().row);
+}
+
+// Whatever moves away may turn and come back: its wake is avoided.
+void Zones::work_out_near(int frame, const Columns& tile) {
+  const GridGeometry& grid = near_.geometry;
+  const Columns around = tile.grown(near_dilator_.reach(), grid), seen = around.grown(blocked_dilator_.reach(), grid);
+  layers_.clear();
+  for (int before = std::max(0, frame - frames_back_); before <= frame; ++before)
+    occupancy_.append_layers(before, seen, &layers_);
+  const std::size_t row = layers_.front().row;
+  std::uint64_t* wake = wake_.column(frame, around.first.x(), around.first.y());
+  blocked_dilator_.dilate(layers_, around, wake, row);
+  const Layer wake_layer{around, wake, row};
+  near_dilator_.dilate({&wake_layer, 1}, tile, near_.column(frame, tile.first.x(), tile.first.y()), row);
+}
+
+bool Zones::blocked_at(const Eigen::Vector3d& position, std::int64_t utime) {
+  const int frame = blocked_.frame_at(utime);
+  const Eigen::Vector3i voxel = blocked_.geometry.voxel_of(position);
+  prepare_blocked(frame, frame, {voxel.head<2>(), voxel.head<2>()});
+  return blocked_.occupied(frame, voxel);
+}
+
+std::int64_t Zones::first_blocked(const Motion& motion, std::int64_t from_utime) {
+  const std::int64_t map_end = blocked_.start_utime + blocked_.num_frames * blocked_.frame_duration_us;
+  for (std::int64_t t = from_utime; t < std::max(map_end, motion.end_utime()); t += kCheckStep_us) {
+    if (blocked_at(motion.at(t).position, t)) return t;
+  }
+  return std::numeric_limits<std::int64_t>::max();
+}
+
+}  // namespace swarm
