@@ -28,14 +28,18 @@ SWARM_WIDE void least_of_rows(const std::int16_t* a, const std::int16_t* b, cons
   }
 }
 
-// The larger one of the straight way and of `steps` around what stands still, after `passed` ticks.
-SWARM_WIDE void finish_column(const std::int16_t* __restrict straight, std::int16_t side,
-                              const std::int16_t* __restrict steps, int ticks_per_step, std::int16_t passed,
-                              std::size_t n, std::int16_t* __restrict out) {
+// The largest one of the straight ways and of `steps` around what stands still, after `passed` ticks.
+SWARM_WIDE void finish_row(const std::int16_t* __restrict straight, std::int16_t side,
+                           const std::int16_t* __restrict steps, std::int16_t ticks_per_step, std::int16_t passed,
+                           std::size_t n, std::int16_t* __restrict out) {
   for (std::size_t i = 0; i < n; ++i) {
-    const auto around = static_cast<std::int16_t>(std::min<int>(kLongest, steps[i] * ticks_per_step));
+    const auto around = static_cast<std::int16_t>(steps[i] * ticks_per_step);
     out[i] = static_cast<std::int16_t>(std::max(std::max(straight[i], side), around) + passed);
   }
+}
+
+SWARM_WIDE void add_to_all(std::int16_t penalty, std::int16_t far, std::size_t n, std::int16_t* out) {
+  for (std::size_t i = 0; i < n; ++i) out[i] = static_cast<std::int16_t>(std::min(out[i], far) + penalty);
 }
 
 }  // namespace
@@ -50,7 +54,7 @@ void CostToGo::build(const Occupancy& occupancy, double blocked_m, const Guidanc
   const GridGeometry& grid = occupancy.sogm->geometry;
   lay_out(*occupancy.sogm, goal, reach.speed_mps);
   limit_space(space_min.z(), space_max.z(), grid);
-  dilator_.set(grid, cell_radius_m(blocked_m, grid.resolution_m));
+  dilator_.set(grid, blocked_m);
   const int first = std::max(0, step_at(reach.utime) - 1);
   for (int step = first; step <= num_steps_; ++step) boxes_[static_cast<std::size_t>(step)] = reached(reach, step);
   finish(guidance);
@@ -132,17 +136,24 @@ void CostToGo::limit_space(double low_z, double high_z, const GridGeometry& grid
 // After the last frame only what stands still is in the way.
 void CostToGo::finish(const Guidance* guidance) {
   const auto passed = static_cast<Value>(num_steps_ * kTicksPerStep);
-  const Box& box = boxes_.back();
-  const auto n = static_cast<std::size_t>(size_.z());
+  const Columns columns = boxes_.back().columns();
+  if (columns.empty()) return;
+  const auto num_z = static_cast<std::size_t>(size_.z());
+  const std::size_t n = static_cast<std::size_t>(columns.width()) * stride_;
+  straight_row_.assign(n, kFar);
   around_.assign(n, -1);
-  for (int x = box.first.x(); x <= box.last.x(); ++x) {
-    for (int y = box.first.y(); y <= box.last.y(); ++y) {
-      const Value side = std::max(straight_[0][static_cast<std::size_t>(x)], straight_[1][static_cast<std::size_t>(y)]);
-      const std::int16_t* steps =
-          guidance == nullptr ? around_.data() : guidance->steps(corner_, x, y, size_.z(), around_.data());
-      finish_column(straight_[2].data(), side, steps, kTicksPerStep, passed, n,
-                    values_.data() + column(num_steps_, x, y));
-    }
+  for (int y = columns.first.y(); y <= columns.last.y(); ++y) {
+    Value* out = straight_row_.data() + static_cast<std::size_t>(y - columns.first.y()) * stride_;
+    for (std::size_t z = 0; z < num_z; ++z)
+      out[z] = std::max(straight_[1][static_cast<std::size_t>(y)], straight_[2][z]);
+  }
+  for (int x = columns.first.x(); x <= columns.last.x(); ++x) {
+    if (guidance != nullptr)
+      guidance->steps(corner_, x, columns.first.y(), columns.width(), size_.z(), stride_, around_.data());
+    Value* out = values_.data() + column(num_steps_, x, columns.first.y());
+    finish_row(straight_row_.data(), straight_[0][static_cast<std::size_t>(x)], around_.data(), kTicksPerStep, passed,
+               n, out);
+    for (int y = 0; y < columns.width(); ++y, out += stride_) std::fill(out + num_z, out + stride_, kFar);
   }
 }
 
@@ -189,6 +200,11 @@ void CostToGo::close(int step, const Occupancy& occupancy) {
   for (int x = columns.first.x(); x <= columns.last.x(); ++x) {
     Value* out = values_.data() + column(step, x, columns.first.y());
     for (int y = columns.first.y(); y <= columns.last.y(); ++y, out += stride_) {
+      if (words == 1 && space_middles_[0] != 0 && (*closed & space_middles_[0]) == space_middles_[0]) {
+        add_to_all(kPenalty, kFar, static_cast<std::size_t>(space_.last - space_.first + 1), out + space_.first);
+        ++closed;
+        continue;
+      }
       for (std::size_t w = 0; w < words; ++w) {
         for (std::uint64_t bits = *closed++ & space_middles_[w]; bits != 0; bits &= bits - 1) {
           Value& value = out[(64 * w + static_cast<std::size_t>(std::countr_zero(bits))) / kCellVoxels];

@@ -90,7 +90,7 @@ class CostToGo {
   std::vector<Value> rim_;                            // of a row: kFar between the columns
   std::vector<Value> values_;                         // step, x, y, z: when the goal is reached, after the first step
   std::vector<Value> along_z_, along_y_;              // rows of a step
-  std::vector<Value> around_;                         // steps of the guidance, one column
+  std::vector<Value> straight_row_, around_;          // of a row: the larger of two axes' ways; steps of the guidance
   Dilator dilator_;
   std::vector<Layer> layers_;
   std::vector<std::uint64_t> closed_;  // columns of a step

@@ -14,6 +14,7 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
+constexpr int kBoxFaces = 6;           // without more of them there is nothing to gain
 constexpr double kTouching_m = 5e-10;  // distances below are taken for contact
 
 struct Constraint {
@@ -131,7 +132,7 @@ FiriStatus Firi::grow(const Eigen::Ref<const Eigen::Matrix3Xd>& seed, std::span<
   Ellipsoid ellipsoid;
   ellipsoid.center = seed.rowwise().mean();
   FiriStatus status = cut(ellipsoid, obstacles, lower, upper, options);
-  for (int i = 1; i < options.iterations && inflate(&ellipsoid); ++i) {
+  for (int i = 1; i < options.iterations && num_faces_ > kBoxFaces && inflate(&ellipsoid); ++i) {
     status = cut(ellipsoid, obstacles, lower, upper, options);
   }
   if (num_faces_ > Polytope::kMaxFaces) {

@@ -7,7 +7,7 @@
 namespace swarm {
 namespace {
 
-constexpr int kMaxSteps = 4000;
+constexpr int kMaxSteps = 900;  // farther than the cost to go tells apart
 
 }  // namespace
 
@@ -28,7 +28,7 @@ bool Guidance::open_space(const Occupancy& standing, double blocked_m, const Cel
   layers_.clear();
   standing.append_layers(0, all_columns(grid), &layers_);
   closed_.resize(static_cast<std::size_t>(size_.x() * size_.y()) * words);
-  dilator_.set(grid, cell_radius_m(blocked_m, grid.resolution_m));
+  dilator_.set(grid, blocked_m);
   dilator_.sample(layers_, kCellVoxels, all, closed_.data());
   std::uint64_t any = 0;
   std::fill(open_.begin(), open_.end(), 0);
@@ -93,18 +93,17 @@ void Guidance::spread(const Cells& cells) {
   }
 }
 
-const std::int16_t* Guidance::steps(const Eigen::Vector3d& corner, int x, int y, int n, std::int16_t* scratch) const {
+void Guidance::steps(const Eigen::Vector3d& corner, int x, int first_y, int num_y, int num_z, std::size_t stride,
+                     std::int16_t* out) const {
   const Eigen::Vector3i moved = ((corner - corner_) * inverse_cell_).array().round().matrix().cast<int>();
+  const int first = std::max(0, -moved.z()), last = std::min(num_z, size_.z() - moved.z());
   x += moved.x();
-  y += moved.y();
-  const bool inside = x >= 0 && x < size_.x() && y >= 0 && y < size_.y();
-  const int first = std::max(0, -moved.z()), last = std::min(n, size_.z() - moved.z());
-  const std::int16_t* in =
-      inside ? steps_.data() + column(x, y) * static_cast<std::size_t>(size_.z()) + moved.z() : nullptr;
-  if (inside && first == 0 && last == n) return in;
-  std::fill_n(scratch, n, std::int16_t{-1});
-  if (inside && first < last) std::copy(in + first, in + last, scratch + first);
-  return scratch;
+  for (int y = first_y + moved.y(); y < first_y + moved.y() + num_y; ++y, out += stride) {
+    std::fill_n(out, num_z, std::int16_t{-1});
+    if (x < 0 || x >= size_.x() || y < 0 || y >= size_.y()) continue;
+    const std::int16_t* in = steps_.data() + column(x, y) * static_cast<std::size_t>(size_.z());
+    for (int z = first; z < last; ++z) out[z] = in[z + moved.z()];
+  }
 }
 
 bool Guidance::build(const Occupancy& standing, double blocked_m, const Eigen::Vector3d& goal, double space_min_z,

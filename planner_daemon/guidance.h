@@ -11,20 +11,14 @@
 
 namespace swarm {
 
-// Cells of the guidance and of the cost to go: so many voxels along each edge, from the window's corner on. A cell
-// counts where its middle voxel lies inside the window.
+// Cells of the guidance and of the cost to go: so many voxels along each edge, from the window's corner on. The middle
+// voxel stands for the cell: it lies inside the window, and where it is blocked, the cell is closed.
 inline constexpr int kCellVoxels = 3;
 constexpr int middle_of(int cell) {
   return kCellVoxels * cell + kCellVoxels / 2;
 }
 inline Eigen::Vector3i cells_in(const GridGeometry& grid) {
   return (grid.size.array() + (kCellVoxels - 1 - kCellVoxels / 2)) / kCellVoxels;
-}
-
-// A cell is closed when its middle voxel lies within this of something occupied: then nearly all of its voxels lie
-// within `blocked_m`, so that a gap of the free space that is narrower than a cell stays open.
-inline double cell_radius_m(double blocked_m, double resolution_m) {
-  return std::max(0.0, blocked_m - 0.5 * (kCellVoxels - 1) * resolution_m);
 }
 
 // Cells [first, last] of a column; none when the first is above the last.
@@ -37,17 +31,19 @@ CellSpan cells_between(double bottom_m, double cell_m, int num_cells, double low
 
 class Guidance {
  public:
-  // Breadth-first distances to `goal`, 64 cells at a time, among what is occupied in frame 0 of `standing`; a cell
-  // outside [space_min, space_max] is closed (z only: sideways the flight space is open in practice). Beyond the window
-  // everything counts as open. Returns false, and gives no guidance, when nothing stands still in the window.
+  // Breadth-first distances to `goal`, 64 cells at a time, among what lies within `blocked_m` of what is occupied in
+  // frame 0 of `standing`; a cell outside [space_min, space_max] is closed (z only: sideways the flight space is open
+  // in practice). Beyond the window everything counts as open. Returns false, and gives no guidance, when nothing
+  // stands still in the window.
   bool build(const Occupancy& standing, double blocked_m, const Eigen::Vector3d& goal, double space_min_z,
              double space_max_z);
 
-  // Least ways to the goal from `n` cells of a column [steps of one cell], as the largest of the axes' ways: below 0 in
-  // closed cells and where no way is known. Cells of a window like that of build() with the given corner (W [m]): a
-  // little later it has moved with the robot. Moved by a part of a cell, the nearest cells are taken. Points into this
-  // guidance, or to `scratch` of n values.
-  const std::int16_t* steps(const Eigen::Vector3d& corner, int x, int y, int n, std::int16_t* scratch) const;
+  // Least ways to the goal [steps of one cell], as the largest of the axes' ways: below 0 in closed cells and where no
+  // way is known. Of cells (x, y, z) with y in `first_y` and the following num_y - 1, z in [0, num_z): to `out`,
+  // columns `stride` apart. Cells of a window like that of build() with the given corner (W [m]): a little later it has
+  // moved with the robot. Moved by a part of a cell, the nearest cells are taken.
+  void steps(const Eigen::Vector3d& corner, int x, int first_y, int num_y, int num_z, std::size_t stride,
+             std::int16_t* out) const;
 
  private:
   struct Cells {

@@ -56,10 +56,12 @@ KinodynamicSearch::KinodynamicSearch(const SearchLimits& limits, const SearchOpt
                                 std::to_string(brake_pieces_ + 1) + " (braking takes " + std::to_string(brake_pieces_) +
                                 ") and at most " + std::to_string(Trajectory::kMaxPieces));
   }
-  for (int i = 0; i < kSamples; ++i) {
-    const double s = (i + 1.0) / kSamples;
+  for (std::size_t i = 0; i < kSamples; ++i) {
+    const double s = (static_cast<double>(i) + 1.0) / kSamples;
     const double lag = s * s * s / 3 - s * s * s * s / 12;  // double integral of 2 s - s^2
-    weights_[i] = {tau_ * s, tau_ * tau_ * (s * s / 2 - lag), tau_ * tau_ * lag};
+    weights_.v[i] = tau_ * s;
+    weights_.a0[i] = tau_ * tau_ * (s * s / 2 - lag);
+    weights_.a1[i] = tau_ * tau_ * lag;
   }
   frames_.resize(options.num_pieces);
   goal_steps_.resize(options.num_pieces);

@@ -30,7 +30,7 @@ struct SearchLimits {
 struct SearchOptions {
   std::int32_t piece_us = 200'000;  // duration tau of a primitive
   int num_pieces = 10;              // horizon in primitives, braking to rest included; <= Trajectory::kMaxPieces
-  int max_expansions = 300;         // the budget, counted
+  int max_expansions = 150;         // the budget, counted
   double heuristic_weight = 1.5;
   double cell_m = 0.3;    // closed set: position
   double cell_mps = 0.9;  // closed set: velocity
@@ -200,13 +200,13 @@ class KinodynamicSearch {
   SearchLimits limits_;
   SearchOptions options_;
   double tau_;
-  double a_lim_;      // what primitives use of a_max: a little is left for rounding
-  int brake_pieces_;  // any reachable state comes to rest in this many primitives
-  int max_depth_;     // num_pieces - brake_pieces
-  struct SampleWeights {
-    double v, a0, a1;
-  };  // position after the sample's time: p + v * .. + a0 * .. + a1 * ..
-  std::array<SampleWeights, kSamples> weights_;
+  double a_lim_;          // what primitives use of a_max: a little is left for rounding
+  int brake_pieces_;      // any reachable state comes to rest in this many primitives
+  int max_depth_;         // num_pieces - brake_pieces
+  struct SampleWeights {  // position after each sample's time: p + v * .. + a0 * .. + a1 * ..
+    std::array<double, kSamples> v, a0, a1;
+  };
+  SampleWeights weights_;
 
   SearchProblem problem_;
   bool start_blocked_ = false;

@@ -9,7 +9,6 @@ namespace swarm {
 namespace {
 
 constexpr std::int64_t kNever = std::numeric_limits<std::int64_t>::max();
-constexpr std::int64_t kCheckStep_us = 10'000;
 constexpr std::int64_t kGuidanceAge_us = 250'000;
 constexpr double kKeepBonus_s = 0.05;  // of the motion already flown where the search got stuck
 constexpr double kWorthwhile = 3.0;    // this much less harm makes the quick way out worth its rough flight
@@ -208,11 +207,15 @@ Trajectory Planner::raw_trajectory(const SearchResult& path, std::int32_t piece_
 
 bool Planner::within_limits(const Trajectory& trajectory) const {
   constexpr double kTolerance = 1.005;
-  for (std::int64_t t = trajectory.start_utime(); t < trajectory.end_utime(); t += kCheckStep_us) {
-    const MotionState state = trajectory.at(t);
-    if (state.velocity.cwiseAbs().maxCoeff() > config_.limits.v_max * kTolerance ||
-        state.acceleration.cwiseAbs().maxCoeff() > config_.limits.a_max * kTolerance) {
-      return false;
+  const double v_max = config_.limits.v_max * kTolerance, a_max = config_.limits.a_max * kTolerance;
+  const double h = trajectory.piece_s();
+  for (int k = 0; k < trajectory.num_pieces(); ++k) {
+    const ControlPoints points = quintic_control_points(trajectory.knot(k), trajectory.knot(k + 1), h);
+    if (max_speed_bound(points, h) <= v_max && max_acceleration_bound(points, h) <= a_max) continue;
+    for (double s = 0.0; s < 1.0; s += 0.05) {  // the bounds are not tight
+      const MotionState state = evaluate_bezier(points, h, s);
+      if (state.velocity.cwiseAbs().maxCoeff() > v_max || state.acceleration.cwiseAbs().maxCoeff() > a_max)
+        return false;
     }
   }
   return true;

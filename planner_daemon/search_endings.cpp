@@ -60,10 +60,10 @@ std::int64_t KinodynamicSearch::brake(const Node& node, SearchResult* result, do
     const bool last = k == brake_pieces_ - 1;
     const Eigen::Vector3d a = last ? Eigen::Vector3d::Zero().eval() : a1;
     const std::int64_t begin = problem_.start_utime + (node.depth + k) * std::int64_t{options_.piece_us};
-    for (int i = 0; i < kSamples && first_blocked == kNever; ++i) {
-      const std::int64_t utime = begin + (i + 1) * std::int64_t{options_.piece_us} / kSamples;
+    for (std::size_t i = 0; i < kSamples && first_blocked == kNever; ++i) {
+      const std::int64_t utime = begin + (static_cast<std::int64_t>(i) + 1) * options_.piece_us / kSamples;
       const Eigen::Vector3d position =
-          state.position + weights_[i].v * state.velocity + weights_[i].a0 * state.acceleration + weights_[i].a1 * a;
+          state.position + weights_.v[i] * state.velocity + weights_.a0[i] * state.acceleration + weights_.a1[i] * a;
       look(position, utime, tau_ / kSamples);
       if (first_blocked == kNever && strays(before, position)) {
         first_blocked = utime;

@@ -45,28 +45,30 @@ KinodynamicSearch::AxisOption KinodynamicSearch::make_option(int axis, double p,
   const double low = limits_.space_min[axis], high = limits_.space_max[axis];
   const int words = grid.words_per_column();
   const int stride = axis == 0 ? grid.size.y() * words : words;
-  option.inside = true;
-  option.low = std::numeric_limits<int>::max();
-  option.high = std::numeric_limits<int>::min();
-  double before = p;
+  std::array<double, kSamples> position;
+  std::array<int, kSamples> voxel;
   for (std::size_t i = 0; i < kSamples; ++i) {
-    const double position = p + weights_[i].v * v + weights_[i].a0 * a + weights_[i].a1 * a1;
-    const int voxel = floor_of(position * inverse) - grid.origin[axis];
-    const bool known = voxel >= 0 && voxel < grid.size[axis];
-    option.low = std::min(option.low, voxel);
-    option.high = std::max(option.high, voxel);
+    position[i] = p + weights_.v[i] * v + weights_.a0[i] * a + weights_.a1[i] * a1;
+    voxel[i] = floor_of(position[i] * inverse) - grid.origin[axis];
+  }
+  option.low = *std::min_element(voxel.begin(), voxel.end());
+  option.high = *std::max_element(voxel.begin(), voxel.end());
+  // A robot outside the flight space may only come back.
+  bool strays = false;
+  for (std::size_t i = 0; i < kSamples; ++i) {
+    const double before = i == 0 ? p : position[i - 1];
+    strays |= (position[i] < low && position[i] < before) || (position[i] > high && position[i] > before);
+    const bool known = voxel[i] >= 0 && voxel[i] < grid.size[axis];
     if (axis < 2) {
-      option.offset[i] = known ? voxel * stride : 0;
+      option.offset[i] = known ? voxel[i] * stride : 0;
       option.in_window[i] = known ? ~std::uint64_t{0} : 0;
     } else {
-      option.offset[i] = known ? voxel >> 6 : 0;
-      option.in_window[i] = known ? std::uint64_t{1} << (voxel & 63) : 0;
+      option.offset[i] = known ? voxel[i] >> 6 : 0;
+      option.in_window[i] = known ? std::uint64_t{1} << (voxel[i] & 63) : 0;
     }
-    // A robot outside the flight space may only come back.
-    if ((position < low && position < before) || (position > high && position > before)) option.inside = false;
-    before = position;
   }
-  option.position = before;
+  option.inside = !strays;
+  option.position = position.back();
   option.velocity = v + tau_ / 3 * (a + 2 * a1);
   option.acceleration = a1;
   option.time_to_goal = axis_time(axis, option.position, option.velocity);
@@ -114,9 +116,9 @@ KinodynamicSearch::AxisOptions KinodynamicSearch::axis_options(int axis, const N
 }
 
 MotionState KinodynamicSearch::propagate(const MotionState& from, const Eigen::Vector3d& a1) const {
-  const SampleWeights& end = weights_.back();
   MotionState to;
-  to.position = from.position + end.v * from.velocity + end.a0 * from.acceleration + end.a1 * a1;
+  to.position = from.position + weights_.v.back() * from.velocity + weights_.a0.back() * from.acceleration +
+                weights_.a1.back() * a1;
   to.velocity = from.velocity + tau_ / 3 * (from.acceleration + 2 * a1);
   to.acceleration = a1;
   return to;

@@ -30,6 +30,12 @@ MotionState evaluate_bezier(const ControlPoints& points, double h_s, double s) {
   return state;
 }
 
+Eigen::Vector3d bezier_position(const ControlPoints& points, double s) {
+  const double r = 1.0 - s, r2 = r * r, s2 = s * s;
+  return r2 * r * (r2 * points.col(0) + 5 * r * s * points.col(1) + 10 * s2 * points.col(2)) +
+         s2 * s * (10 * r2 * points.col(3) + 5 * r * s * points.col(4) + s2 * points.col(5));
+}
+
 // De Casteljau: what is left of `to`, and of that what is right of `from`.
 ControlPoints part_of(const ControlPoints& points, double from, double to) {
   ControlPoints part = points;

@@ -28,6 +28,9 @@ ControlPoints quintic_control_points(const MotionState& from, const MotionState&
 // State of the quintic with these control points at s in [0, 1].
 MotionState evaluate_bezier(const ControlPoints& points, double h_s, double s);
 
+// Its position alone.
+Eigen::Vector3d bezier_position(const ControlPoints& points, double s);
+
 // Control points of the part of the quintic within s in [from, to], 0 <= from < to <= 1.
 ControlPoints part_of(const ControlPoints& points, double from, double to);
 

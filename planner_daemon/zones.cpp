@@ -7,7 +7,7 @@
 namespace swarm {
 namespace {
 
-constexpr int kTile = 8;  // columns along each edge of what is worked out at once
+constexpr int kTile = 4;  // columns along each edge of what is worked out or not
 constexpr std::int64_t kCheckStep_us = 10'000;
 
 double peer_reach_m(const Peer& peer, const Sogm& sogm) {
@@ -86,50 +86,53 @@ const Occupancy& Zones::compose_standing(const std::vector<Peer>& peers) {
 }
 
 template <class WorkOut>
-void Zones::for_each_new_tile(int first_frame, int last_frame, const Columns& columns,
-                              std::vector<std::uint32_t>* rounds, const WorkOut& work_out) {
+void Zones::for_each_new_box(int first_frame, int last_frame, const Columns& columns,
+                             std::vector<std::uint32_t>* rounds, const WorkOut& work_out) {
   const Eigen::Vector2i edge = all_columns(occupancy_.sogm->geometry).last;
   if ((columns.last.array() < 0).any()) return;
   const Eigen::Vector2i first = columns.first.cwiseMax(0) / kTile, last = columns.last.cwiseMin(edge) / kTile;
   for (int frame = first_frame; frame <= last_frame; ++frame) {
+    Columns box{edge, Eigen::Vector2i::Constant(-1)};  // that holds all new tiles
     for (int x = first.x(); x <= last.x(); ++x) {
       for (int y = first.y(); y <= last.y(); ++y) {
         std::uint32_t& round = (*rounds)[static_cast<std::size_t>((frame * tiles_.x() + x) * tiles_.y() + y)];
         if (round == round_) continue;
         round = round_;
         const Eigen::Vector2i corner(kTile * x, kTile * y);
-        work_out(frame, Columns{corner, (corner.array() + kTile - 1).matrix().cwiseMin(edge)});
+        box.first = box.first.cwiseMin(corner);
+        box.last = box.last.cwiseMax((corner.array() + kTile - 1).matrix().cwiseMin(edge));
       }
     }
+    if (!box.empty()) work_out(frame, box);
   }
 }
 
 void Zones::prepare_blocked(int first_frame, int last_frame, const Columns& columns) {
-  for_each_new_tile(first_frame, last_frame, columns, &blocked_rounds_,
-                    [this](int frame, const Columns& tile) { dilate(frame, tile, &blocked_dilator_, &blocked_); });
+  for_each_new_box(first_frame, last_frame, columns, &blocked_rounds_,
+                   [this](int frame, const Columns& box) { dilate(frame, box, &blocked_dilator_, &blocked_); });
   if (!emergency_) return;
-  for_each_new_tile(first_frame, last_frame, columns, &emergency_rounds_, [this](int frame, const Columns& tile) {
-    dilate(frame, tile, &tight_dilator_, &tight_);
-    dilate(frame, tile, &contact_dilator_, &contact_);
+  for_each_new_box(first_frame, last_frame, columns, &emergency_rounds_, [this](int frame, const Columns& box) {
+    dilate(frame, box, &tight_dilator_, &tight_);
+    dilate(frame, box, &contact_dilator_, &contact_);
   });
 }
 
 void Zones::prepare(int first_frame, int last_frame, const Columns& columns) {
   prepare_blocked(first_frame, last_frame, columns);
-  for_each_new_tile(first_frame, last_frame, columns, &near_rounds_,
-                    [this](int frame, const Columns& tile) { work_out_near(frame, tile); });
+  for_each_new_box(first_frame, last_frame, columns, &near_rounds_,
+                   [this](int frame, const Columns& box) { work_out_near(frame, box); });
 }
 
-void Zones::dilate(int frame, const Columns& tile, Dilator* dilator, Sogm* zone) {
+void Zones::dilate(int frame, const Columns& box, Dilator* dilator, Sogm* zone) {
   layers_.clear();
-  occupancy_.append_layers(frame, tile.grown(dilator->reach(), zone->geometry), &layers_);
-  dilator->dilate(layers_, tile, zone->column(frame, tile.first.x(), tile.first.y()), layers_.front().row);
+  occupancy_.append_layers(frame, box.grown(dilator->reach(), zone->geometry), &layers_);
+  dilator->dilate(layers_, box, zone->column(frame, box.first.x(), box.first.y()), layers_.front().row);
 }
 
 // Whatever moves away may turn and come back: its wake is avoided.
-void Zones::work_out_near(int frame, const Columns& tile) {
+void Zones::work_out_near(int frame, const Columns& box) {
   const GridGeometry& grid = near_.geometry;
-  const Columns around = tile.grown(near_dilator_.reach(), grid), seen = around.grown(blocked_dilator_.reach(), grid);
+  const Columns around = box.grown(near_dilator_.reach(), grid), seen = around.grown(blocked_dilator_.reach(), grid);
   layers_.clear();
   for (int before = std::max(0, frame - frames_back_); before <= frame; ++before)
     occupancy_.append_layers(before, seen, &layers_);
@@ -137,7 +140,7 @@ void Zones::work_out_near(int frame, const Columns& tile) {
   std::uint64_t* wake = wake_.column(frame, around.first.x(), around.first.y());
   blocked_dilator_.dilate(layers_, around, wake, row);
   const Layer wake_layer{around, wake, row};
-  near_dilator_.dilate({&wake_layer, 1}, tile, near_.column(frame, tile.first.x(), tile.first.y()), row);
+  near_dilator_.dilate({&wake_layer, 1}, box, near_.column(frame, box.first.x(), box.first.y()), row);
 }
 
 bool Zones::blocked_at(const Eigen::Vector3d& position, std::int64_t utime) {
@@ -149,8 +152,14 @@ bool Zones::blocked_at(const Eigen::Vector3d& position, std::int64_t utime) {
 
 std::int64_t Zones::first_blocked(const Motion& motion, std::int64_t from_utime) {
   const std::int64_t map_end = blocked_.start_utime + blocked_.num_frames * blocked_.frame_duration_us;
-  for (std::int64_t t = from_utime; t < std::max(map_end, motion.end_utime()); t += kCheckStep_us) {
-    if (blocked_at(motion.at(t).position, t)) return t;
+  const std::int64_t end = std::max(map_end, motion.end_utime());
+  for (std::int64_t t = from_utime; t < end;) {  // one quintic after the other
+    const std::int64_t begin = t, knot = std::min(motion.next_knot_after(t), end);
+    const ControlPoints points = control_points_between(motion, begin, knot);
+    const double share = 1.0 / static_cast<double>(knot - begin);
+    for (; t < knot; t += kCheckStep_us) {
+      if (blocked_at(bezier_position(points, static_cast<double>(t - begin) * share), t)) return t;
+    }
   }
   return std::numeric_limits<std::int64_t>::max();
 }

@@ -63,10 +63,10 @@ class Zones : public ZoneSource {
  private:
   void add_peers(const std::vector<Peer>& peers);
   template <class WorkOut>
-  void for_each_new_tile(int first_frame, int last_frame, const Columns& columns, std::vector<std::uint32_t>* rounds,
-                         const WorkOut& work_out);
-  void dilate(int frame, const Columns& tile, Dilator* dilator, Sogm* zone);
-  void work_out_near(int frame, const Columns& tile);
+  void for_each_new_box(int first_frame, int last_frame, const Columns& columns, std::vector<std::uint32_t>* rounds,
+                        const WorkOut& work_out);
+  void dilate(int frame, const Columns& box, Dilator* dilator, Sogm* zone);
+  void work_out_near(int frame, const Columns& box);
 
   ZoneOptions options_;
   Occupancy occupancy_, standing_;

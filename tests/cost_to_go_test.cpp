@@ -39,10 +39,10 @@ class PlainCostToGo {
       return std::min(kLongest, static_cast<int>(std::round(way_m / cell_m * kTicks)));
     });
     values.assign(static_cast<std::size_t>(num_steps) + 1, table([&](const Vector3i& cell) {
-                    std::vector<std::int16_t> scratch(static_cast<std::size_t>(size.z()), 0);
-                    int around = 0;
+                    std::vector<std::int16_t> steps(static_cast<std::size_t>(size.z()), 0);
                     if (guidance != nullptr)
-                      around = guidance->steps(corner, cell.x(), cell.y(), size.z(), scratch.data())[cell.z()];
+                      guidance->steps(corner, cell.x(), cell.y(), 1, size.z(), steps.size(), steps.data());
+                    const int around = steps[static_cast<std::size_t>(cell.z())];
                     return num_steps * kTicks + std::min(kLongest, std::max(straight[index(cell)], kTicks * around));
                   }));
     const Vector3i goal_cell = ((goal - corner) / cell_m).array().floor().matrix().cast<int>();
@@ -51,8 +51,7 @@ class PlainCostToGo {
       const int frame = occupied.frame_at(kStart + std::llround(1e6 * (step + 0.5) * step_s));
       values[later - 1] = table([&](const Vector3i& cell) {
         if (cell == goal_cell) return step * kTicks;  // an occupied goal is still where to go
-        bool open = distance_to_occupied(occupied, frame, middle(cell), 1.0) >
-                    cell_radius_m(kBlocked_m, grid.resolution_m) + 1e-6;
+        bool open = distance_to_occupied(occupied, frame, middle(cell), 1.0) > kBlocked_m + 1e-6;
         const double bottom = corner.z() + cell.z() * cell_m;
         open = open && bottom + cell_m > low_z && bottom < high_z;
         int least = kFar;
@@ -178,10 +177,10 @@ TEST(CostToGoTest, KnowsHowLongADoorStaysShut) {
                               cost_to_go.cell_of(step, 2, 0.05));
   };
   // Cells and steps know it to within one of each.
-  EXPECT_NEAR(delay_s(0.0, 0.05, 0.1), 0.65, 0.16);   // in front of it: 0.8 s
-  EXPECT_NEAR(delay_s(0.0, -0.55, 0.1), 0.38, 0.16);  // the way there takes part of the time
-  EXPECT_NEAR(delay_s(0.9, 0.05, 0.1), 0.0, 0.01);    // open
-  EXPECT_NEAR(delay_s(0.9, 0.05, -1.1), 0.4, 0.2);    // beside it
+  EXPECT_NEAR(delay_s(0.0, -0.15, 0.1), 0.65, 0.16);  // in front of it: 0.8 s
+  EXPECT_NEAR(delay_s(0.0, -0.75, 0.1), 0.38, 0.16);  // the way there takes part of the time
+  EXPECT_NEAR(delay_s(0.9, -0.15, 0.1), 0.0, 0.01);   // open
+  EXPECT_NEAR(delay_s(0.9, -0.15, -1.1), 0.4, 0.2);   // beside it
   EXPECT_EQ(delay_s(0.9, 1.1, 0.1), 0.0);             // behind it
   EXPECT_EQ(cost_to_go.delay_s(0, -1, 3, 3), 0.0);
   EXPECT_EQ(cost_to_go.cell_of(0, 0, 3.9), -1);  // not reached so soon

@@ -31,7 +31,7 @@ class PlainGuidance {
     std::multimap<int, Vector3i> seeds;
     for_each([&](const Vector3i& cell) {
       const Vector3d middle = corner + cell_m * (cell.cast<double>().array() + 0.5).matrix();
-      bool open = distance_to_occupied(standing, 0, middle, 1.0) > cell_radius_m(kBlocked_m, grid.resolution_m) + 1e-6;
+      bool open = distance_to_occupied(standing, 0, middle, 1.0) > kBlocked_m + 1e-6;
       const double bottom = corner.z() + cell.z() * cell_m;
       open = open && bottom + cell_m > low_z && bottom < high_z;
       if (cell == goal_cell) open = true;
@@ -106,10 +106,10 @@ TEST(GuidanceTest, EqualsAPlainBreadthFirstSearch) {
       const Vector3i moved(uniform_int(rng, -2, 2), uniform_int(rng, -2, 2), uniform_int(rng, -2, 2));
       const Vector3d later = corner + plain.cell_m * moved.cast<double>() + in_cube(rng, 0.45 * plain.cell_m);
       const Vector3i from = cell - moved;
-      std::vector<std::int16_t> scratch(static_cast<std::size_t>(plain.size.z()), 7);
-      const std::int16_t* steps = guidance.steps(later, from.x(), from.y(), plain.size.z(), scratch.data());
+      std::vector<std::int16_t> steps(static_cast<std::size_t>(plain.size.z()), 7);
+      guidance.steps(later, from.x(), from.y(), 1, plain.size.z(), steps.size(), steps.data());
       if (from.z() >= 0 && from.z() < plain.size.z()) {
-        ASSERT_EQ(std::max(0, int{steps[from.z()]}), std::max(0, plain.at(cell)));
+        ASSERT_EQ(std::max(0, int{steps[static_cast<std::size_t>(from.z())]}), std::max(0, plain.at(cell)));
       }
       ++cells;
       closed += plain.at(cell) == PlainGuidance::kClosed;
@@ -126,9 +126,11 @@ TEST(GuidanceTest, KnowsNothingOutsideItsWindow) {
   mark_box(&standing, {-0.3, -0.3, -0.3}, {0.3, 0.3, 0.3});
   ASSERT_TRUE(guidance.build({&standing}, kBlocked_m, Vector3d(1.2, 0, 0), -1.5, 1.5));
   const auto steps = [&](const Vector3d& corner, int x, int y) {
-    std::vector<std::int16_t> scratch(10, 7);
-    const std::int16_t* out = guidance.steps(corner, x, y, 10, scratch.data());
-    return std::vector<std::int16_t>(out, out + 10);
+    std::vector<std::int16_t> out(34, 7);
+    guidance.steps(corner, x, y - 1, 3, 10, 12, out.data());  // the column between two others
+    EXPECT_EQ(out[10], 7);
+    EXPECT_EQ(out[11], 7);
+    return std::vector<std::int16_t>(out.begin() + 12, out.begin() + 22);
   };
   const std::vector<std::int16_t> none(10, -1), there = steps({-1.5, -1.5, -1.5}, 0, 0);
   EXPECT_GT(there[0], 0);
