@@ -75,6 +75,16 @@ void Dilator::sort_offsets() {
   }
 }
 
+// The words of the first of these columns where there is nothing to gather: in a single layer that holds all that the
+// ball reaches. Null elsewhere.
+const std::uint64_t* Dilator::in_place(std::span<const Layer> layers, const Columns& columns) const {
+  if (layers.size() != 1 || words_ != 1) return nullptr;
+  const Layer& layer = layers.front();
+  const Eigen::Vector2i first = columns.first - layer.columns.first, last = layer.columns.last - columns.last;
+  if (std::min(first.x(), last.x()) < reach_x_ || std::min(first.y(), last.y()) < reach_y_) return nullptr;
+  return layer.words + static_cast<std::size_t>(first.x()) * layer.row + static_cast<std::size_t>(first.y());
+}
+
 bool Dilator::gather(std::span<const Layer> layers, const Columns& columns) {
   const Eigen::Vector2i low(columns.first.x() - reach_x_, columns.first.y() - reach_y_);
   const Eigen::Vector2i high(columns.last.x() + reach_x_, columns.last.y() + reach_y_);
@@ -194,25 +204,32 @@ void Dilator::dilate(std::span<const Layer> layers, const Columns& columns, std:
 // Row by row: the union of what the ball covers with each half-width, from the largest on, spread along z in between.
 void Dilator::sample(std::span<const Layer> layers, int stride, const Columns& cells, std::uint64_t* out) {
   const Eigen::Vector2i middle = Eigen::Vector2i::Constant(stride / 2);
+  const Columns columns{stride * cells.first + middle, stride * cells.last + middle};
   const auto words = static_cast<std::size_t>(words_);
   const int num_x = cells.last.x() - cells.first.x() + 1, num_y = cells.width();
-  if (!gather(layers, {stride * cells.first + middle, stride * cells.last + middle})) {
-    std::fill_n(out, static_cast<std::size_t>(num_x) * static_cast<std::size_t>(num_y) * words, 0);
-    return;
+  const std::uint64_t* in = in_place(layers, columns);
+  std::size_t in_row = in != nullptr ? layers.front().row : 0;
+  if (in == nullptr) {
+    if (!gather(layers, columns)) {
+      std::fill_n(out, static_cast<std::size_t>(num_x) * static_cast<std::size_t>(num_y) * words, 0);
+      return;
+    }
+    in = plane(0, 0) + static_cast<std::size_t>(reach_x_) * row_ + reach_y_;
+    in_row = row_;
   }
-  const std::size_t n = row_ - 2 * static_cast<std::size_t>(reach_y_);
+  const auto n = static_cast<std::size_t>(columns.width());
   row_sums_.assign(2 * (words + 2) * n, 0);  // before and after spreading; a word of zeros at each end
   const auto before = [&](int w) { return row_sums_.data() + static_cast<std::size_t>(w + 1) * n; };
   const auto after = [&](int w) { return before(w) + (words + 2) * n; };
   for (int x = 0; x < num_x; ++x) {
-    const std::uint64_t* middle_row = plane(0, 0) + static_cast<std::size_t>(stride * x + reach_x_) * row_ + reach_y_;
+    const std::uint64_t* middle_row = in + static_cast<std::size_t>(stride * x) * in_row;
     for (int h = reach_z_; h >= 0; --h) {
       for (int w = 0; w < words_; ++w) {
         sources_.clear();
         if (h < reach_z_) sources_.push_back(after(w));
         for (const Eigen::Vector2i& offset : offsets_[static_cast<std::size_t>(h)])
           sources_.push_back(middle_row + static_cast<std::size_t>(w) * plane_size_ +
-                             offset.x() * static_cast<std::ptrdiff_t>(row_) + offset.y());
+                             offset.x() * static_cast<std::ptrdiff_t>(in_row) + offset.y());
         or_words(sources_, {.n = n}, before(w));
       }
       if (h > 0) spread_by_one(before(0), n, after(0));

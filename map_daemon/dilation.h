@@ -54,6 +54,7 @@ class Dilator {
   }
   void shape_ball();
   void sort_offsets();
+  const std::uint64_t* in_place(std::span<const Layer> layers, const Columns& columns) const;
   bool gather(std::span<const Layer> layers, const Columns& columns);  // false: nothing there
   void spread();
   void spread_by_one(const std::uint64_t* in, std::size_t n, std::uint64_t* out) const;

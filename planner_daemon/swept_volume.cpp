@@ -41,34 +41,30 @@ void SweptVolumes::mark_capsule(const Eigen::Vector3d& from, const Eigen::Vector
   const Patch patch{{low.head<2>(), high.head<2>()}, words_.size()};
   words_.resize(words_.size() + row_of(patch) * static_cast<std::size_t>(high.x() - low.x() + 1), 0);
   patches_[static_cast<std::size_t>(frame)].push_back(patch);
+  // The column at `offset` from the axis' start, seen from above, meets the capsule where it meets the spheres around
+  // the axis: at share s of it from z - w to z + w, w^2 = radius^2 - (distance from above)^2. Both are extreme where
+  // the derivative by s vanishes, or at the nearest end of the axis.
   std::uint64_t* column = words_.data() + patch.first;
   const Eigen::Vector3d along = to - from;
-  const double inverse_length2 = 1.0 / std::max(along.squaredNorm(), 1e-12), radius2 = radius_m * radius_m;
-  const double per_m = 1.0 / grid_.resolution_m;
-  const double inverse_level2 = 1.0 / std::max(along.head<2>().squaredNorm(), 1e-12);
+  const double level2 = std::max(along.head<2>().squaredNorm(), 1e-12), radius2 = radius_m * radius_m;
+  const double steepness = along.z() / std::sqrt(level2 * (level2 + along.z() * along.z()));
+  const double per_m = 1.0 / grid_.resolution_m, per_level2 = 1.0 / level2;
   for (int x = low.x(); x <= high.x(); ++x) {
     for (int y = low.y(); y <= high.y(); ++y, column += words) {
       const Eigen::Vector2d offset = grid_.center_of({x, y, 0}).head<2>() - from.head<2>();
-      // Where the column passes nearest to the capsule's axis, seen from above.
-      const double passed = offset.dot(along.head<2>());
-      const double s = std::clamp(passed * inverse_level2, 0.0, 1.0);
-      const double level2 = (offset - s * along.head<2>()).squaredNorm();
-      if (level2 > radius2) continue;
-      const auto inside = [&](int z) {
-        const double rise = (grid_.origin.z() + z + 0.5) * grid_.resolution_m - from.z();
-        const double at = std::clamp((passed + rise * along.z()) * inverse_length2, 0.0, 1.0);
-        const double above = rise - at * along.z();
-        return (offset - at * along.head<2>()).squaredNorm() + above * above <= radius2;
+      const double nearest = offset.dot(along.head<2>()) * per_level2;
+      const double wide2 = radius2 - (offset - nearest * along.head<2>()).squaredNorm();
+      const double end = std::clamp(nearest, 0.0, 1.0) - nearest;
+      if (wide2 < level2 * end * end) continue;
+      const double extreme = steepness * std::sqrt(wide2);
+      const auto reach = [&](double side) {  // [voxels]
+        const double s = std::clamp(nearest + side * extreme, 0.0, 1.0), off = s - nearest;
+        const double wide_m = std::sqrt(std::max(0.0, wide2 - level2 * off * off));
+        return (from.z() + s * along.z() + side * wide_m) * per_m - 0.5 - grid_.origin.z();
       };
-      // A capsule is convex, and round there.
-      const double middle = (from.z() + s * along.z()) * per_m - 0.5 - grid_.origin.z();
-      const double half = std::sqrt(radius2 - level2) * per_m;
-      const auto voxel = [&](double z) { return static_cast<int>(std::clamp<double>(z, low.z(), high.z()) + 0.5); };
-      int bottom = voxel(middle - half), top = voxel(middle + half);
-      while (bottom > low.z() && inside(bottom - 1)) --bottom;
-      while (bottom <= top && !inside(bottom)) ++bottom;
-      while (top < high.z() && inside(top + 1)) ++top;
-      while (top > bottom && !inside(top)) --top;
+      const double lowest = std::max<double>(reach(-1.0), low.z());  // >= 0
+      const int bottom = static_cast<int>(lowest) + (lowest > static_cast<int>(lowest) ? 1 : 0);
+      const int top = static_cast<int>(std::min<double>(reach(1.0), high.z()) + 1.0) - 1;  // may be -1
       for (int z = bottom; z <= top; ++z) column[z >> 6] |= std::uint64_t{1} << (z & 63);
     }
   }
