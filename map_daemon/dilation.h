@@ -1,6 +1,6 @@
 // Exact Euclidean dilation of bit grids: the configuration space of a spherical robot (paper section IV-A, where it is
-// avoided as too slow). 64 voxels per instruction and more: spread along z by shifts, then OR whole frames shifted by
-// each (x, y) offset of the ball.
+// avoided as too slow). 64 voxels per instruction and more: spread along z by shifts, then OR boxes of columns shifted
+// by each (x, y) offset of the ball.
 #pragma once
 
 #include <cstdint>

@@ -7,7 +7,7 @@
 namespace swarm {
 namespace {
 
-constexpr int kMaxSteps = 900;  // farther than the cost to go tells apart
+constexpr int kMaxSteps = 900;  // longer ways are not told apart: their ticks would not fit the cost to go
 
 }  // namespace
 
@@ -66,7 +66,7 @@ void Guidance::reach(std::uint32_t word, std::uint64_t bits, int steps) {
                       word % static_cast<std::uint32_t>(words_) * 64;
   while (bits != 0) {  // a run of ones at a time
     const int first = std::countr_zero(bits), last = first + std::countr_one(bits >> first);
-    std::fill(out + first, out + last, static_cast<std::int16_t>(steps));
+    std::fill(out + first, out + last, static_cast<std::int16_t>(std::min(steps, kMaxSteps)));
     bits = last == 64 ? 0 : bits >> last << last;
   }
 }

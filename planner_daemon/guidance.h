@@ -38,10 +38,10 @@ class Guidance {
   bool build(const Occupancy& standing, double blocked_m, const Eigen::Vector3d& goal, double space_min_z,
              double space_max_z);
 
-  // Least ways to the goal [steps of one cell], as the largest of the axes' ways: below 0 in closed cells and where no
-  // way is known. Of cells (x, y, z) with y in `first_y` and the following num_y - 1, z in [0, num_z): to `out`,
-  // columns `stride` apart. Cells of a window like that of build() with the given corner (W [m]): a little later it has
-  // moved with the robot. Moved by a part of a cell, the nearest cells are taken.
+  // Least ways to the goal [steps of one cell, at most 900], as the largest of the axes' ways: below 0 in closed cells
+  // and where no way is known. Of cells (x, y, z) with y in `first_y` and the following num_y - 1, z in [0, num_z): to
+  // `out`, columns `stride` apart. Cells of a window like that of build() with the given corner (W [m]): a little later
+  // it has moved with the robot. Moved by a part of a cell, the nearest cells are taken.
   void steps(const Eigen::Vector3d& corner, int x, int first_y, int num_y, int num_z, std::size_t stride,
              std::int16_t* out) const;
 

@@ -65,7 +65,7 @@ const PlanResult& Planner::plan(const PlanRequest& request) {
   result_.corridors.clear();
   lap_ns_ = stopwatch_ ? stopwatch_() : 0;
 
-  compose(request);  // III-C: the peers' swept volumes join the SOGM; then configuration space
+  compose(request);  // III-C: the peers' swept volumes join the SOGM; configuration space follows where it is looked at
   lap(PlanStep::kCompose);
   result_.search_status = search(request);  // IV-A: kinodynamic A* to the goal, or to survive to the horizon
   lap(PlanStep::kSearch);

@@ -101,7 +101,7 @@ class Planner {
   double guided_resolution_m_ = 0.0;
   std::int64_t guided_utime_ = 0;
   Eigen::Vector3d guided_goal_ = Eigen::Vector3d::Constant(std::numeric_limits<double>::quiet_NaN());
-  SearchProblem search_problem_;  // refers to the maps above
+  SearchProblem search_problem_;  // refers to the zones and the cost to go
   SearchResult path_, fine_path_, quick_path_;
   PlanResult result_;
 };

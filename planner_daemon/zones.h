@@ -2,7 +2,6 @@
 // near it comes to a touch. One definition of free for search, corridor and check.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <vector>
 
@@ -35,6 +34,8 @@ struct Peer {
 class Zones : public ZoneSource {
  public:
   explicit Zones(const ZoneOptions& options) : options_(options) {}
+  Zones(const Zones&) = delete;  // occupancy() refers to parts of this
+  Zones& operator=(const Zones&) = delete;
 
   // The zones around what `sogm` holds and what the peers sweep where `reach` comes to. Refers to `sogm` until the next
   // call.

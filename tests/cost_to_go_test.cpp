@@ -203,5 +203,26 @@ TEST(CostToGoTest, KnowsTheWholeWindow) {
   }
 }
 
+// Ways too long to be told apart: no cell is nearer to the goal than another, so that only time passes.
+TEST(CostToGoTest, FarGoalsAreFarEverywhere) {
+  const Sogm occupied = empty_map({5, 5, 2}, 0.1, 8, kStart, 100'000);
+  Sogm standing = empty_map({5, 5, 2}, 0.1, 1, kStart, 100'000);
+  mark_box(&standing, {0, -9, -9}, {0.3, 1, 9});
+  for (const double far_m : {400.0, 3e4}) {
+    const Vector3d goal(far_m, 1.0, 0.0);
+    Guidance guidance;
+    ASSERT_TRUE(guidance.build({&standing}, kBlocked_m, goal, -1, 1));
+    CostToGo cost_to_go;
+    cost_to_go.build({&occupied}, kBlocked_m, &guidance, {{0, 0, 0}, kStart, 2.0, 2.0}, goal, {-99, -99, -1},
+                     {99, 99, 1});
+    for (int step = 0; step <= cost_to_go.num_steps(); ++step) {
+      const int x = cost_to_go.cell_of(step, 0, -0.01), y = cost_to_go.cell_of(step, 1, -0.01);
+      ASSERT_GE(std::min(x, y), 0);
+      EXPECT_NEAR(cost_to_go.delay_s(step, x, y, 2), 0.15 * (cost_to_go.num_steps() - step), 1e-9)
+          << "step " << step << ", goal " << far_m << " m away";
+    }
+  }
+}
+
 }  // namespace
 }  // namespace swarm
