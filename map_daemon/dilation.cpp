@@ -123,8 +123,8 @@ bool Dilator::gather(std::span<const Layer> layers, const Columns& columns) {
         const std::uint64_t* in = layer.words + static_cast<std::size_t>(x - layer.columns.first.x()) * layer.row +
                                   static_cast<std::size_t>(first.y() - layer.columns.first.y()) * words +
                                   static_cast<std::size_t>(w);
-        std::uint64_t* out = plane(0, w) + static_cast<std::size_t>(x - low.x()) * row_ - low.y();
-        for (int y = first.y(); y <= last.y(); ++y, in += words) out[y] |= *in;
+        std::uint64_t* out = plane(0, w) + static_cast<std::size_t>(x - low.x()) * row_ + (first.y() - low.y());
+        for (int y = first.y(); y <= last.y(); ++y, in += words) *out++ |= *in;
       }
     }
     any |= or_all(plane(0, w), plane_size_);

@@ -3,11 +3,13 @@
 // by each (x, y) offset of the ball.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
+#include <cstdlib>
 #include <span>
 #include <vector>
 
-#include "map_daemon/reach.h"
+#include "map_daemon/sogm.h"
 
 namespace swarm {
 

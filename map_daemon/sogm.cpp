@@ -17,4 +17,14 @@ int Sogm::frame_at(std::int64_t utime) const {
   return static_cast<int>(std::min<std::int64_t>((utime - start_utime) / frame_duration_us, num_frames - 1));
 }
 
+Columns Columns::grown(int margin, const GridGeometry& geometry) const {
+  if (empty()) return {};
+  const Columns all = all_columns(geometry);
+  return {(first.array() - margin).max(all.first.array()), (last.array() + margin).min(all.last.array())};
+}
+
+Columns all_columns(const GridGeometry& geometry) {
+  return {Eigen::Vector2i::Zero(), geometry.size.head<2>() - Eigen::Vector2i::Ones()};
+}
+
 }  // namespace swarm

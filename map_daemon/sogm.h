@@ -29,6 +29,22 @@ struct GridGeometry {
   bool operator==(const GridGeometry&) const = default;
 };
 
+// A box [first, last] of columns of the window, indices along x and y; none when a first is above its last.
+struct Columns {
+  Eigen::Vector2i first = Eigen::Vector2i::Zero(), last = Eigen::Vector2i::Constant(-1);
+
+  bool empty() const { return (first.array() > last.array()).any(); }
+  int width() const { return last.y() - first.y() + 1; }  // along y
+  // With `margin` more to each side, as far as the window goes.
+  Columns grown(int margin, const GridGeometry& geometry) const;
+};
+
+Columns all_columns(const GridGeometry& geometry);
+
+inline bool intersect(const Columns& a, const Columns& b) {
+  return (a.first.array() <= b.last.array()).all() && (b.first.array() <= a.last.array()).all();
+}
+
 // Frames of bit columns: frame-major, then x, y, then 64-bit words along z (bit k of word w is voxel z = 64 w + k).
 // Bits at z >= size.z() are always zero.
 struct Sogm {

@@ -42,6 +42,22 @@ SWARM_WIDE void add_to_all(std::int16_t penalty, std::int16_t far, std::size_t n
   for (std::size_t i = 0; i < n; ++i) out[i] = static_cast<std::int16_t>(std::min(out[i], far) + penalty);
 }
 
+// visit(x, first_y, last_y) for the rows of `all`, as far as they are not in `kept`.
+template <class Visit>
+void for_each_outside(const Columns& all, const Columns& kept, const Visit& visit) {
+  for (int x = all.first.x(); x <= all.last.x(); ++x) {
+    const auto row = [&](int first_y, int last_y) {
+      if (first_y <= last_y) visit(x, first_y, last_y);
+    };
+    if (kept.empty() || x < kept.first.x() || x > kept.last.x()) {
+      row(all.first.y(), all.last.y());
+    } else {
+      row(all.first.y(), std::min(all.last.y(), kept.first.y() - 1));
+      row(std::max(all.first.y(), kept.last.y() + 1), all.last.y());
+    }
+  }
+}
+
 }  // namespace
 
 int CostToGo::step_at(std::int64_t utime) const {

@@ -10,8 +10,8 @@
 #include <cstdint>
 #include <vector>
 
-#include "map_daemon/reach.h"
 #include "planner_daemon/guidance.h"
+#include "planner_daemon/reach.h"
 #include "planner_daemon/swept_volume.h"
 
 namespace swarm {

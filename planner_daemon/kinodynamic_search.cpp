@@ -79,17 +79,14 @@ double KinodynamicSearch::time_to_goal(double x_s, double y_s, double z_s) {
   return longest + 0.05 * (x_s + y_s + z_s - longest);  // the slowest axis decides, the others break ties
 }
 
-double KinodynamicSearch::delay_s(int step, const Eigen::Vector3d& position) const {
-  const CostToGo* to_go = problem_.cost_to_go;
-  if (to_go == nullptr) return 0.0;
-  return to_go->delay_s(step, to_go->cell_of(step, 0, position.x()), to_go->cell_of(step, 1, position.y()),
-                        to_go->cell_of(step, 2, position.z()));
-}
-
 double KinodynamicSearch::time_to_goal(const Eigen::Vector3d& position) const {
-  return time_to_goal(axis_time(0, position.x(), 0.0), axis_time(1, position.y(), 0.0),
-                      axis_time(2, position.z(), 0.0)) +
-         (problem_.cost_to_go != nullptr ? delay_s(problem_.cost_to_go->num_steps(), position) : 0.0);
+  const double time_s =
+      time_to_goal(axis_time(0, position.x(), 0.0), axis_time(1, position.y(), 0.0), axis_time(2, position.z(), 0.0));
+  const CostToGo* to_go = problem_.cost_to_go;
+  if (to_go == nullptr) return time_s;
+  const int end = to_go->num_steps();
+  return time_s + to_go->delay_s(end, to_go->cell_of(end, 0, position.x()), to_go->cell_of(end, 1, position.y()),
+                                 to_go->cell_of(end, 2, position.z()));
 }
 
 bool KinodynamicSearch::seen_before(const State& state, int depth) {

@@ -167,8 +167,7 @@ class KinodynamicSearch {
   bool blocked_at(const Eigen::Vector3d& position, int frame) const;
   bool free_at(const Eigen::Vector3d& position, std::int64_t utime) const;
   double axis_time(int axis, double position, double velocity) const;
-  static double time_to_goal(double x_s, double y_s, double z_s);   // from the axes' times
-  double delay_s(int step, const Eigen::Vector3d& position) const;  // of the cost to go; 0 without
+  static double time_to_goal(double x_s, double y_s, double z_s);  // from the axes' times
   // Child of a node by one primitive; -1 when it is blocked.
   std::int32_t add_child(std::int32_t index, const AxisOption& x, const AxisOption& y, const AxisOption& z,
                          const SampleColumns& columns);

@@ -26,9 +26,8 @@ void lay_out(const Sogm& like, int num_frames, Sogm* sogm) {
 }  // namespace
 
 void Zones::compose(const Sogm& sogm, const std::vector<Peer>& peers, const Reach& reach) {
-  reach_ = reach;
   occupancy_ = {&sogm, &peers_};
-  add_peers(peers);
+  add_peers(peers, reach);
   for (Sogm* zone : {&blocked_, &tight_, &contact_, &wake_, &near_}) lay_out(sogm, sogm.num_frames, zone);
   blocked_dilator_.set(sogm.geometry, options_.blocked_m());
   near_dilator_.set(sogm.geometry, options_.comfort_m);
@@ -46,21 +45,21 @@ void Zones::compose(const Sogm& sogm, const std::vector<Peer>& peers, const Reac
 }
 
 // Only where they keep the robot off a place it comes to, or leave their wake there.
-void Zones::add_peers(const std::vector<Peer>& peers) {
+void Zones::add_peers(const std::vector<Peer>& peers, const Reach& reach) {
   const Sogm& sogm = *occupancy_.sogm;
   const double most_m = options_.radius_m + std::max(options_.clearance_m, options_.tight_m) + options_.comfort_m;
   const int margin = static_cast<int>(std::ceil(most_m / sogm.geometry.resolution_m)) + 1;
   peers_.lay_out(sogm);
   bounds_.clear();
   for (int frame = 0; frame < sogm.num_frames; ++frame)
-    bounds_.push_back(reached(sogm, frame, reach_, options_.wake_s).grown(margin, sogm.geometry));
+    bounds_.push_back(reached(sogm, frame, reach, options_.wake_s).grown(margin, sogm.geometry));
   for (const Peer& peer : peers) {
     peers_.add(peer.motion, peer_reach_m(peer, sogm), bounds_);
     if (!peer.announced.empty()) peers_.add({peer.motion.committed, peer.announced}, peer_reach_m(peer, sogm), bounds_);
   }
 }
 
-const Occupancy& Zones::compose_standing(const std::vector<Peer>& peers) {
+Occupancy Zones::compose_standing(const std::vector<Peer>& peers) {
   const Sogm& sogm = *occupancy_.sogm;
   lay_out(sogm, 1, &still_);
   still_.frame_duration_us = sogm.num_frames * sogm.frame_duration_us;
@@ -81,8 +80,7 @@ const Occupancy& Zones::compose_standing(const std::vector<Peer>& peers) {
     if (peer.motion.end_utime() <= sogm.start_utime)
       standing_peers_.add(peer.motion, peer_reach_m(peer, sogm), {&all, 1});
   }
-  standing_ = {&still_, &standing_peers_};
-  return standing_;
+  return {&still_, &standing_peers_};
 }
 
 template <class WorkOut>

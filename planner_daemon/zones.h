@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "map_daemon/dilation.h"
-#include "map_daemon/reach.h"
 #include "planner_daemon/kinodynamic_search.h"
+#include "planner_daemon/reach.h"
 #include "planner_daemon/swept_volume.h"
 
 namespace swarm {
@@ -40,8 +40,9 @@ class Zones : public ZoneSource {
   // The zones around what `sogm` holds and what the peers sweep where `reach` comes to. Refers to `sogm` until the next
   // call.
   void compose(const Sogm& sogm, const std::vector<Peer>& peers, const Reach& reach);
-  // What stands still in every frame, peers that hover among it, in the whole window: one frame.
-  const Occupancy& compose_standing(const std::vector<Peer>& peers);
+  // What stands still in every frame, peers that hover among it, in the whole window: one frame. Valid until the next
+  // call.
+  Occupancy compose_standing(const std::vector<Peer>& peers);
 
   const Occupancy& occupancy() const { return occupancy_; }
   void prepare_blocked(int first_frame, int last_frame, const Columns& columns) override;
@@ -62,7 +63,7 @@ class Zones : public ZoneSource {
   void enter_emergency() { emergency_ = true; }
 
  private:
-  void add_peers(const std::vector<Peer>& peers);
+  void add_peers(const std::vector<Peer>& peers, const Reach& reach);
   template <class WorkOut>
   void for_each_new_box(int first_frame, int last_frame, const Columns& columns, std::vector<std::uint32_t>* rounds,
                         const WorkOut& work_out);
@@ -70,8 +71,7 @@ class Zones : public ZoneSource {
   void work_out_near(int frame, const Columns& box);
 
   ZoneOptions options_;
-  Occupancy occupancy_, standing_;
-  Reach reach_;
+  Occupancy occupancy_;
   SweptVolumes peers_, standing_peers_;
   std::vector<Columns> bounds_;  // by frame: where peers matter
   Sogm blocked_, tight_, contact_, wake_, near_, still_;

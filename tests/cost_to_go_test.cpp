@@ -212,6 +212,9 @@ TEST(CostToGoTest, FarGoalsAreFarEverywhere) {
     const Vector3d goal(far_m, 1.0, 0.0);
     Guidance guidance;
     ASSERT_TRUE(guidance.build({&standing}, kBlocked_m, goal, -1, 1));
+    std::vector<std::int16_t> steps(6);
+    guidance.steps({-2.5, -2.5, -1.0}, 1, 8, 1, 6, 6, steps.data());  // one behind the rim, reached a step later
+    EXPECT_EQ(steps[2], 900);
     CostToGo cost_to_go;
     cost_to_go.build({&occupied}, kBlocked_m, &guidance, {{0, 0, 0}, kStart, 2.0, 2.0}, goal, {-99, -99, -1},
                      {99, 99, 1});

@@ -8,7 +8,6 @@
 #include <vector>
 
 #include "tests/random_map.h"
-#include "tests/random_reach.h"
 
 namespace swarm {
 namespace {

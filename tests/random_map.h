@@ -77,6 +77,10 @@ void for_each_column(const GridGeometry& geometry, const Visit& visit) {
   }
 }
 
+inline bool holds(const Columns& columns, int x, int y) {
+  return x >= columns.first.x() && x <= columns.last.x() && y >= columns.first.y() && y <= columns.last.y();
+}
+
 // Every voxel by itself.
 inline Sogm random_bits(const Eigen::Vector3i& size, int frames, double density, double resolution_m, Rng& rng) {
   Sogm sogm;

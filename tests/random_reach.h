@@ -1,14 +1,10 @@
 // What a robot may reach, for the tests of maps that are worked out there only.
 #pragma once
 
-#include "map_daemon/reach.h"
+#include "planner_daemon/reach.h"
 #include "tests/random_motion.h"
 
 namespace swarm {
-
-inline bool holds(const Columns& columns, int x, int y) {
-  return x >= columns.first.x() && x <= columns.last.x() && y >= columns.first.y() && y <= columns.last.y();
-}
 
 // In or near the window, from before the map's start to its third frame; turning at once or not.
 inline Reach random_reach(Rng& rng, const Sogm& sogm) {

@@ -1,11 +1,12 @@
 // What a robot reaches, against motions that keep its limits.
-#include "map_daemon/reach.h"
+#include "planner_daemon/reach.h"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cmath>
 
+#include "tests/random_map.h"
 #include "tests/random_reach.h"
 
 namespace swarm {
@@ -98,14 +99,6 @@ TEST(ReachTest, IsEmptyBeforeAndOutsideTheWindow) {
   EXPECT_FALSE(reached(sogm, 2, reach).empty());  // in force for ever
   reach.center.x() = 4.0;
   EXPECT_TRUE(reached(sogm, 2, reach).empty());
-}
-
-TEST(ReachTest, ColumnsGrowAsFarAsTheWindow) {
-  const GridGeometry grid{.resolution_m = 0.1, .origin = {0, 0, 0}, .size = {20, 30, 1}};
-  const Columns grown = Columns{{1, 10}, {15, 27}}.grown(3, grid);
-  EXPECT_EQ(grown.first, Eigen::Vector2i(0, 7));
-  EXPECT_EQ(grown.last, Eigen::Vector2i(18, 29));
-  EXPECT_TRUE(Columns{}.grown(3, grid).empty());
 }
 
 }  // namespace

@@ -41,5 +41,13 @@ TEST(Sogm, VoxelsLieOnTheWorldLattice) {
   EXPECT_FALSE(g.contains(g.voxel_of({-5.01, 3, 1})));
 }
 
+TEST(Sogm, ColumnsGrowAsFarAsTheWindow) {
+  const GridGeometry grid{.resolution_m = 0.1, .origin = {0, 0, 0}, .size = {20, 30, 1}};
+  const Columns grown = Columns{{1, 10}, {15, 27}}.grown(3, grid);
+  EXPECT_EQ(grown.first, Eigen::Vector2i(0, 7));
+  EXPECT_EQ(grown.last, Eigen::Vector2i(18, 29));
+  EXPECT_TRUE(Columns{}.grown(3, grid).empty());
+}
+
 }  // namespace
 }  // namespace swarm

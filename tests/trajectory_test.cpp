@@ -65,6 +65,7 @@ TEST(QuinticTest, IsTheHermiteQuinticInsideItsHullAndBounds) {
       const double s = i / 100.0;
       const MotionState expected = curve.at(s * h), state = evaluate_bezier(points, h, s);
       ASSERT_LT((state.position - expected.position).norm(), 1e-8) << s;
+      ASSERT_LT((bezier_position(points, s) - expected.position).norm(), 1e-8) << s;
       ASSERT_LT(h * (state.velocity - expected.velocity).norm(), 1e-8) << s;
       ASSERT_LT(h * h * (state.acceleration - expected.acceleration).norm(), 1e-7) << s;
       ASSERT_LT(h * h * h * (state.jerk - expected.jerk).norm(), 1e-6) << s;
@@ -282,6 +283,22 @@ TEST(MotionTest, ControlPointsBetweenReproduceTheMotion) {
       }
       ASSERT_LT((points.col(5) - motion.at(stop).position).norm(), 1e-6);  // float knots
       from = stop;
+    }
+  }
+}
+
+TEST(TrajectoryTest, PartsOfAQuinticAreTheSameCurve) {
+  Rng rng(12);
+  for (int trial = 0; trial < 200; ++trial) {
+    const ControlPoints whole =
+        quintic_control_points(random_state(rng, 10, 3, 8), random_state(rng, 10, 3, 8), uniform(rng, 0.05, 2.0));
+    const double from = trial % 4 == 0 ? 0.0 : uniform(rng, 0.0, 0.9);
+    const double to = trial % 3 == 0 ? 1.0 : uniform(rng, from + 0.01, 1.0);
+    const ControlPoints part = part_of(whole, from, to);
+    for (int i = 0; i <= 10; ++i) {
+      const double s = 0.1 * i;
+      ASSERT_LT((bezier_position(part, s) - bezier_position(whole, from + s * (to - from))).norm(), 1e-9)
+          << "trial " << trial << ", [" << from << ", " << to << "] at " << s;
     }
   }
 }

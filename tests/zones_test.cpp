@@ -175,7 +175,7 @@ TEST_F(ZonesTest, StandingIsWhatIsOccupiedInAllFramesAndPeersThatHover) {
   Rng rng(3);
   peers[1].motion.committed = random_trajectory(rng, 1, kStart - 100'000, MotionState{}, 1.0);  // still under way
   zones.compose(sogm, peers, {{0, 0, 0}, kStart, 2.0, 2.0});
-  const Occupancy& standing = zones.compose_standing(peers);
+  const Occupancy standing = zones.compose_standing(peers);
   Sogm occupied = *standing.sogm;
   std::vector<Layer> layers;
   standing.append_layers(0, all_columns(sogm.geometry), &layers);

@@ -1,4 +1,4 @@
-#include "map_daemon/reach.h"
+#include "planner_daemon/reach.h"
 
 #include <algorithm>
 #include <cmath>
@@ -20,16 +20,6 @@ Span span(const Reach& reach, int axis, double from_s, double to_s) {
   const double v = reach.velocity[axis];  // the farthest is convex in time: its largest value is at an end
   return {reach.center[axis] - std::max(farthest(-v, from_s, reach), farthest(-v, to_s, reach)),
           reach.center[axis] + std::max(farthest(v, from_s, reach), farthest(v, to_s, reach))};
-}
-
-Columns Columns::grown(int margin, const GridGeometry& geometry) const {
-  if (empty()) return {};
-  const Columns all = all_columns(geometry);
-  return {(first.array() - margin).max(all.first.array()), (last.array() + margin).min(all.last.array())};
-}
-
-Columns all_columns(const GridGeometry& geometry) {
-  return {Eigen::Vector2i::Zero(), geometry.size.head<2>() - Eigen::Vector2i::Ones()};
 }
 
 Columns reached(const Sogm& sogm, int frame, const Reach& reach, double linger_s) {

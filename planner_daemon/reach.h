@@ -1,0 +1,32 @@
+// Where a robot can come to while a frame of the SOGM is in force: the rest need not be worked out.
+#pragma once
+
+#include <cstdint>
+#include <limits>
+
+#include "map_daemon/sogm.h"
+
+namespace swarm {
+
+// Where something can come to that is at `center` with `velocity` at `utime`, never faster than `speed_mps` along x or
+// y, until `horizon_s` later.
+struct Reach {
+  Eigen::Vector3d center = Eigen::Vector3d::Zero();  // W [m]
+  std::int64_t utime = 0;
+  double speed_mps = 0.0;
+  double horizon_s = 0.0;
+  double acceleration_mps2 = std::numeric_limits<double>::infinity();  // it turns at once
+  Eigen::Vector3d velocity = Eigen::Vector3d::Zero();                  // W [m/s]
+};
+
+// Where along an axis (0, 1) that is at some time within [from_s, to_s], 0 <= from_s <= to_s, after `utime`: W [m].
+struct Span {
+  double low, high;
+};
+Span span(const Reach& reach, int axis, double from_s, double to_s);
+
+// What `reach` comes to while the frame is in force (the last one stays for ever) or up to `linger_s` later; at most a
+// voxel more to each side.
+Columns reached(const Sogm& sogm, int frame, const Reach& reach, double linger_s = 0.0);
+
+}  // namespace swarm
