@@ -4,6 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include "map_daemon/portable_math.h"
+
 namespace swarm {
 namespace {
 
@@ -14,15 +16,16 @@ double distance_to_box(const Eigen::Vector3d& point, const Eigen::Vector3d& half
 }  // namespace
 
 double distance(const Shape& shape, const Eigen::Vector3d& offset) {
-  const double cos_yaw = std::cos(shape.yaw_rad), sin_yaw = std::sin(shape.yaw_rad);
+  const auto [sin_yaw, cos_yaw] = sin_cos(shape.yaw_rad);
   const Eigen::Vector3d local(cos_yaw * offset.x() + sin_yaw * offset.y(), -sin_yaw * offset.x() + cos_yaw * offset.y(),
                               offset.z());
   switch (shape.kind) {
     case Shape::Kind::kColumn:
-      return std::hypot(std::max(std::hypot(offset.x(), offset.y()) - shape.size.x() / 2, 0.0),
-                        std::max(std::abs(offset.z()) - shape.size.y() / 2, 0.0));
+      return (Eigen::Vector2d(offset.head<2>().norm(), std::abs(offset.z())) - shape.size.head<2>() / 2)
+          .cwiseMax(0.0)
+          .norm();
     case Shape::Kind::kRing:
-      return std::max(std::hypot(std::hypot(local.y(), local.z()) - shape.size.x(), local.x()) - shape.size.y() / 2,
+      return std::max(Eigen::Vector2d(local.tail<2>().norm() - shape.size.x(), local.x()).norm() - shape.size.y() / 2,
                       0.0);
     case Shape::Kind::kBox:
       return distance_to_box(local, shape.size / 2);

@@ -5,6 +5,7 @@
 #include <numbers>
 
 #include "lcmtypes/bus/channels.h"
+#include "map_daemon/portable_math.h"
 #include "planner_daemon/deconfliction.h"
 
 namespace swarm {
@@ -313,7 +314,7 @@ void BroadcastNode::publish_setpoint(std::int64_t utime, Outbox& outbox) {
   const double turn = 1.0 / config_.setpoint_rate_hz * config_.yaw_rate_max;
   double step = 0.0;
   if (state.velocity.head<2>().norm() > 0.3) {
-    step = std::clamp(wrap_angle(std::atan2(state.velocity.y(), state.velocity.x()) - yaw_), -turn, turn);
+    step = std::clamp(wrap_angle(direction(state.velocity.x(), state.velocity.y()) - yaw_), -turn, turn);
   }
   yaw_ = wrap_angle(yaw_ + step);
   setpoint.yaw = yaw_;

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <utility>
 
+#include "map_daemon/portable_math.h"
 #include "planner_daemon/firi.h"
 
 namespace swarm {
@@ -76,11 +77,11 @@ Barrier barrier(const NormalsRef& normals, const OffsetsRef& offsets, const Elli
     if (!(s > 0.0 && q > 0.0)) return {};
     product *= q;
     if (product < 1e-100 || product > 1e100) {
-      sum += std::log(product);
+      sum += logarithm(product);
       product = 1.0;
     }
   }
-  return {std::log(determinant), sum + std::log(product)};
+  return {logarithm(determinant), sum + logarithm(product)};
 }
 
 // Lower triangle of `hessian` += the sum of g g' over the columns g of a block, which is cheapest one column of the

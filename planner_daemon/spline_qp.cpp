@@ -4,6 +4,7 @@
 // |y|^2 + constant, and the bounds are met by the dual active set method of Goldfarb and Idnani (Math. Programming 27,
 // 1983), here with an orthogonal factorisation of the active normals in range space.
 // Long because elimination, bounds and active set all work on that one representation.
+// No product of two matrices here goes to Eigen's blocked kernels, whose order of sums depends on the processor.
 #include "planner_daemon/spline_qp.h"
 
 #include <Eigen/Dense>
@@ -50,7 +51,7 @@ Eigen::MatrixXd jerk_root(int degree) {
   Eigen::MatrixXd difference = Eigen::MatrixXd::Zero(d + 1, d + 2);
   difference.diagonal().setConstant(-(d + 1));
   difference.diagonal(1).setConstant(d + 1);
-  return gram.llt().matrixU() * difference;
+  return Eigen::MatrixXd(gram.llt().matrixU()).lazyProduct(difference);
 }
 
 }  // namespace
@@ -161,15 +162,29 @@ SplineQp::Impl::Impl(int curve_degree, const std::vector<double>& durations)
   optimum(0, 0) = 1.0;
   optimum(num_acc - 1, 1) = 1.0;
   triangle.transpose().triangularView<Eigen::Lower>().solveInPlace(rhs);
-  optimum.middleRows(1, interior) = basis.leftCols<2>() * rhs;
+  optimum.middleRows(1, interior) = basis.leftCols<2>().lazyProduct(rhs);
 
   response = RowMajor::Zero(num_outputs, freedom);
   if (freedom > 0) {
-    const Eigen::HouseholderQR<Eigen::MatrixXd> hessian_qr(jerk * null_space);
-    const Eigen::VectorXd pivots = hessian_qr.matrixQR().diagonal().cwiseAbs();
+    // The null space in coordinates that make the Hessian the identity (Gram and Schmidt; twice is enough).
+    Eigen::MatrixXd image(jerk.rows(), freedom);  // jerk * null_space, orthonormal in the end
+    Eigen::VectorXd pivots(freedom);
+    for (int k = 0; k < freedom; ++k) {
+      auto direction = null_space.col(k);
+      auto column = image.col(k);
+      column.noalias() = jerk * direction;
+      for (int pass = 0; pass < 2; ++pass) {
+        const Eigen::VectorXd along = image.leftCols(k).transpose() * column;
+        column.noalias() -= image.leftCols(k) * along;
+        direction.noalias() -= null_space.leftCols(k) * along;
+      }
+      pivots(k) = column.norm();
+      column /= pivots(k);
+      direction /= pivots(k);
+    }
     if (!(pivots.minCoeff() > kMinPivot * pivots.maxCoeff())) reject("durations_s", "too unequal", "comparable");
-    optimum -= null_space * hessian_qr.solve(jerk * optimum);
-    hessian_qr.matrixQR().topRows(freedom).triangularView<Eigen::Upper>().solveInPlace<Eigen::OnTheRight>(null_space);
+    const Eigen::MatrixXd jerks = jerk.lazyProduct(optimum), along = image.transpose().lazyProduct(jerks);
+    optimum -= null_space.lazyProduct(along);
     response.topRows(num_acc) = null_space;
     integrate(&response);
   }

@@ -6,6 +6,7 @@
 #include <numbers>
 #include <random>
 
+#include "map_daemon/portable_math.h"
 #include "swarm_sim/text.h"
 
 namespace swarm {
@@ -46,8 +47,8 @@ void add_circle(World* world, const Circle& circle) {
   if (!(circle.radius_m >= 0.5 && circle.radius_m <= 1000.0))
     throw WorldError("radius: " + text_of(circle.radius_m) + " must be in [0.5, 1000] m");
   for (int i = 0; i < circle.robots; ++i) {
-    const double angle = 2.0 * std::numbers::pi * i / circle.robots;
-    const Eigen::Vector2d start(cut(circle.radius_m * std::cos(angle)), cut(circle.radius_m * std::sin(angle)));
+    const auto [sin, cos] = sin_cos(2.0 * std::numbers::pi * i / circle.robots);
+    const Eigen::Vector2d start(cut(circle.radius_m * cos), cut(circle.radius_m * sin));
     add_robot(world, start, -start);
   }
   const double outer = std::max(world->space.max.x(), circle.radius_m + 1.0);
@@ -90,7 +91,8 @@ WorldObstacle draw_obstacle(bool ring, const Rectangle& bounds, Random* random) 
     obstacle.center.z() = 0.5 * obstacle.shape.size.y();
   }
   const double speed_mps = random->uniform(0.0, 1.0), heading_rad = random->uniform(0.0, 2.0 * std::numbers::pi);
-  obstacle.velocity_mps = {cut(speed_mps * std::cos(heading_rad)), cut(speed_mps * std::sin(heading_rad))};
+  const auto [sin, cos] = sin_cos(heading_rad);
+  obstacle.velocity_mps = {cut(speed_mps * cos), cut(speed_mps * sin)};
   for (int axis = 0; axis < 2; ++axis) obstacle.center[axis] = random->uniform(bounds.min[axis], bounds.max[axis]);
   return obstacle;
 }
