@@ -200,7 +200,11 @@ class Program {
  public:
   explicit Program(const std::vector<std::string>& words) {
     std::vector<std::string> copy = words;
-    if (!copy.front().starts_with('/')) copy.front() = std::string(SWARM_BIN_DIR) + "/" + copy.front();
+    if (!copy.front().starts_with('/')) {
+      copy.front() = std::string(SWARM_BIN_DIR) + "/" + copy.front();
+      std::istringstream emulator(SWARM_EMULATOR);  // needed where this test is emulated, too
+      copy.insert(copy.begin(), std::istream_iterator<std::string>(emulator), {});
+    }
     std::vector<char*> argv;
     for (std::string& word : copy) argv.push_back(word.data());
     argv.push_back(nullptr);
@@ -211,7 +215,7 @@ class Program {
       ::dup2(::open("/dev/null", O_RDONLY), STDIN_FILENO);
       ::dup2(::open(out.c_str(), O_WRONLY), STDOUT_FILENO);
       ::dup2(::open(err.c_str(), O_WRONLY), STDERR_FILENO);
-      ::execv(argv[0], argv.data());
+      ::execvp(argv[0], argv.data());
       ::_exit(127);
     }
   }
