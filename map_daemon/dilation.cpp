@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <stdexcept>
 #include <string>
 
@@ -10,23 +11,83 @@
 namespace swarm {
 namespace {
 
+using Word = std::uint64_t;
+constexpr std::size_t kCachedWords = 512;  // of a row of sources at work
+
+// Four registers' worth of words, and one word for what is too short for them.
+struct Block {
+  using Register = Word __attribute__((vector_size(32)));
+  static constexpr std::size_t kEach = sizeof(Register) / sizeof(Word), kWords = 4 * kEach;
+  Register a{}, b{}, c{}, d{};
+  [[gnu::always_inline]] void add(const Word* from) {
+    Register in;
+    std::memcpy(&in, from, sizeof in), a |= in;
+    std::memcpy(&in, from + kEach, sizeof in), b |= in;
+    std::memcpy(&in, from + 2 * kEach, sizeof in), c |= in;
+    std::memcpy(&in, from + 3 * kEach, sizeof in), d |= in;
+  }
+  [[gnu::always_inline]] void spread(Word inside) {
+    a = (a | a << 1 | a >> 1) & inside;
+    b = (b | b << 1 | b >> 1) & inside;
+    c = (c | c << 1 | c >> 1) & inside;
+    d = (d | d << 1 | d >> 1) & inside;
+  }
+  [[gnu::always_inline]] void store(Word* to) const {
+    std::memcpy(to, &a, sizeof a);
+    std::memcpy(to + kEach, &b, sizeof b);
+    std::memcpy(to + 2 * kEach, &c, sizeof c);
+    std::memcpy(to + 3 * kEach, &d, sizeof d);
+  }
+};
+// One register's worth, or one word.
+template <class Unit>
+struct Single {
+  static constexpr std::size_t kWords = sizeof(Unit) / sizeof(Word);
+  Unit a{};
+  [[gnu::always_inline]] void add(const Word* from) {
+    Unit in;
+    std::memcpy(&in, from, sizeof in), a |= in;
+  }
+  [[gnu::always_inline]] void spread(Word inside) { a = (a | a << 1 | a >> 1) & inside; }
+  [[gnu::always_inline]] void store(Word* to) const { std::memcpy(to, &a, sizeof a); }
+};
+
+// work<Sum>(i) for n words from i = 0 on, in the largest sums that fit. The last one lies as far back as it must, so
+// that some words are done a second time.
+template <class Sum, class... Smaller, class Work>
+[[gnu::always_inline]] inline void for_each_sum(std::size_t n, const Work& work) {
+  if constexpr (sizeof...(Smaller) > 0) {
+    if (n < Sum::kWords) return for_each_sum<Smaller...>(n, work);
+  }
+  for (std::size_t i = 0; i < n; i += Sum::kWords) work.template operator()<Sum>(std::min(i, n - Sum::kWords));
+}
+
+// Level by level: what there is so far spreads by one voxel along z, as far as `inside` goes, and the level's sources
+// join; each holds `n` words from `begin` on.
+SWARM_WIDE void add_levels(const Word* const* sources, const std::size_t* counts, std::size_t levels, Word inside,
+                           std::size_t begin, std::size_t n, Word* out) {
+  for_each_sum<Block, Single<Block::Register>, Single<Word>>(
+      n, [&]<class Sum>(std::size_t i) __attribute__((always_inline)) {
+        Sum sum;
+        const Word* const* source = sources;
+        for (std::size_t level = 0; level < levels; ++level) {
+          if (level > 0) sum.spread(inside);
+          for (const Word* const* end = source + counts[level]; source != end; ++source) sum.add(*source + begin + i);
+        }
+        sum.store(out + i);
+      });
+}
+
 // out = in, and its neighbours along z, as far as `inside` goes; `below` and `above` are the adjacent words of the same
 // columns.
-SWARM_WIDE void spread_words(const std::uint64_t* __restrict in, const std::uint64_t* __restrict below,
-                             const std::uint64_t* __restrict above, std::uint64_t inside, std::size_t n,
-                             std::uint64_t* __restrict out) {
+SWARM_WIDE void spread_words(const Word* __restrict in, const Word* __restrict below, const Word* __restrict above,
+                             Word inside, std::size_t n, Word* __restrict out) {
   for (std::size_t i = 0; i < n; ++i)
     out[i] = (in[i] | in[i] << 1 | in[i] >> 1 | below[i] >> 63 | above[i] << 63) & inside;
 }
 
-// For columns of one word.
-SWARM_WIDE void spread_words(const std::uint64_t* __restrict in, std::uint64_t inside, std::size_t n,
-                             std::uint64_t* __restrict out) {
-  for (std::size_t i = 0; i < n; ++i) out[i] = (in[i] | in[i] << 1 | in[i] >> 1) & inside;
-}
-
-SWARM_WIDE std::uint64_t or_all(const std::uint64_t* in, std::size_t n) {
-  std::uint64_t any = 0;
+SWARM_WIDE Word or_all(const Word* in, std::size_t n) {
+  Word any = 0;
   for (std::size_t i = 0; i < n; ++i) any |= in[i];
   return any;
 }
@@ -49,28 +110,24 @@ void Dilator::set(const GridGeometry& geometry, double radius_m) {
   size_ = geometry.size;
   words_ = geometry.words_per_column();
   shape_ball();
-  sort_offsets();
 }
 
-// Half-widths of the ball, clipped to the window.
 void Dilator::shape_ball() {
-  const auto half = [this](int d2, int extent) {
+  const auto half_width = [this](int d2, int extent) {  // clipped to the window; -1 outside the ball
     return d2 > squared_ ? -1 : static_cast<int>(std::min<double>(std::floor(std::sqrt(squared_ - d2)), extent - 1));
   };
-  reach_x_ = half(0, size_.x());
-  reach_y_ = half(0, size_.y());
-  reach_z_ = half(0, size_.z());
-  half_widths_.clear();
-  for (int i = 0; i <= reach_x_; ++i) {
-    for (int j = 0; j <= reach_y_; ++j) half_widths_.push_back(half(i * i + j * j, size_.z()));
-  }
-}
-
-void Dilator::sort_offsets() {
-  offsets_.assign(static_cast<std::size_t>(reach_z_) + 1, {});
+  reach_x_ = half_width(0, size_.x());
+  reach_y_ = half_width(0, size_.y());
+  reach_z_ = half_width(0, size_.z());
+  levels_.assign(static_cast<std::size_t>(reach_z_) + 1, {});
+  level_sizes_.assign(levels_.size(), 0);
   for (int i = -reach_x_; i <= reach_x_; ++i) {
     for (int j = -reach_y_; j <= reach_y_; ++j) {
-      if (half_width(i, j) >= 0) offsets_[static_cast<std::size_t>(half_width(i, j))].push_back({i, j});
+      const int half = half_width(i * i + j * j, size_.z());
+      if (half < 0) continue;
+      const auto level = static_cast<std::size_t>(reach_z_ - half);
+      levels_[level].push_back({i, j});
+      ++level_sizes_[level];
     }
   }
 }
@@ -92,7 +149,7 @@ bool Dilator::gather(std::span<const Layer> layers, const Columns& columns) {
   const auto num_rows = static_cast<std::size_t>(high.x() - low.x() + 1);
   row_ = static_cast<std::size_t>(high.y() - low.y() + 1);
   plane_size_ = row_ * num_rows;
-  const std::size_t needed = static_cast<std::size_t>(reach_z_ + 1) * (words_ + 2) * plane_size_;
+  const std::size_t needed = static_cast<std::size_t>(words_) * plane_size_;
   if (planes_.size() < needed) planes_.resize(needed);
   const auto words = static_cast<std::size_t>(words_);
   std::uint64_t any = 0;
@@ -111,11 +168,12 @@ bool Dilator::gather(std::span<const Layer> layers, const Columns& columns) {
       sources_.push_back(layer.words + static_cast<std::size_t>(skip.x()) * stride +
                          static_cast<std::size_t>(skip.y()));
     }
-    if (from != low || to != high) std::fill_n(plane(0, w), plane_size_, 0);
+    if (from != low || to != high) std::fill_n(plane(w), plane_size_, 0);
     const auto rows = static_cast<std::size_t>(to.x() - from.x() + 1),
                n = static_cast<std::size_t>(to.y() - from.y() + 1);
-    or_words(sources_, {rows, n, stride, row_},
-             plane(0, w) + static_cast<std::size_t>(from.x() - low.x()) * row_ + (from.y() - low.y()));
+    const std::size_t count = sources_.size();
+    Word* out = plane(w) + static_cast<std::size_t>(from.x() - low.x()) * row_ + (from.y() - low.y());
+    for (std::size_t x = 0; x < rows; ++x) add_levels(sources_.data(), &count, 1, 0, x * stride, n, out + x * row_);
     for (const Layer& layer : layers) {
       if (is_whole(layer)) continue;
       const Eigen::Vector2i first = layer.columns.first.cwiseMax(from), last = layer.columns.last.cwiseMin(to);
@@ -123,121 +181,93 @@ bool Dilator::gather(std::span<const Layer> layers, const Columns& columns) {
         const std::uint64_t* in = layer.words + static_cast<std::size_t>(x - layer.columns.first.x()) * layer.row +
                                   static_cast<std::size_t>(first.y() - layer.columns.first.y()) * words +
                                   static_cast<std::size_t>(w);
-        std::uint64_t* out = plane(0, w) + static_cast<std::size_t>(x - low.x()) * row_ + (first.y() - low.y());
-        for (int y = first.y(); y <= last.y(); ++y, in += words) *out++ |= *in;
+        std::uint64_t* sum = plane(w) + static_cast<std::size_t>(x - low.x()) * row_ + (first.y() - low.y());
+        for (int y = first.y(); y <= last.y(); ++y, in += words) *sum++ |= *in;
       }
     }
-    any |= or_all(plane(0, w), plane_size_);
+    any |= or_all(plane(w), plane_size_);
   }
   return any != 0;
 }
 
-void Dilator::spread() {
-  for (int h = 1; h <= reach_z_; ++h) {
-    if (words_ > 1) {
-      for (const int w : {-1, words_}) std::fill_n(plane(h - 1, w), plane_size_, 0);
-    }
-    spread_by_one(plane(h - 1, 0), plane_size_, plane(h, 0));
-  }
-}
-
-// All words of `n` columns, which lie n apart; so do zeros before the first and after the last, if there are several.
-void Dilator::spread_by_one(const std::uint64_t* in, std::size_t n, std::uint64_t* out) const {
+// From the widest level on; what it has so far, each further level spreads and adds to.
+const std::uint64_t* Dilator::cover(const std::uint64_t* in, std::size_t in_row, std::size_t n) {
+  const auto words = static_cast<std::size_t>(words_);
+  const std::size_t padded = (words + 2) * n;
+  if (sums_.size() < 2 * padded) sums_.resize(2 * padded);
+  const auto add_sources = [&](const Level& level, std::size_t w) {
+    for (const Eigen::Vector2i& offset : level)
+      sources_.push_back(in + w * plane_size_ + offset.x() * static_cast<std::ptrdiff_t>(in_row) + offset.y());
+  };
   const int tail = size_.z() % 64;
-  const std::uint64_t all = ~std::uint64_t{0}, top = tail != 0 ? (std::uint64_t{1} << tail) - 1 : all;
-  if (words_ == 1) return spread_words(in, top, n, out);
-  for (int w = 0; w < words_; ++w, in += n, out += n)
-    spread_words(in, in - n, in + n, w == words_ - 1 ? top : all, n, out);
+  const Word all = ~Word{0}, top = tail != 0 ? (Word{1} << tail) - 1 : all;
+  Word* sum = sums_.data() + n;
+  if (words == 1) {
+    sources_.clear();
+    for (const Level& level : levels_) add_sources(level, 0);
+    add_levels(sources_.data(), level_sizes_.data(), levels_.size(), top, 0, n, sum);
+    return sum;
+  }
+  Word* spread = sum + padded;
+  for (Word* columns : {sum, spread}) {  // end in zeros
+    std::fill_n(columns - n, n, 0);
+    std::fill_n(columns + words * n, n, 0);
+  }
+  for (const Level& level : levels_) {
+    const bool first = &level == levels_.data();
+    for (std::size_t w = 0; w < words && !first; ++w) {
+      const Word* from = sum + w * n;
+      spread_words(from, from - n, from + n, w + 1 == words ? top : all, n, spread + w * n);
+    }
+    if (!first) std::swap(sum, spread);
+    for (std::size_t w = 0; w < words; ++w) {
+      sources_.clear();
+      if (!first) sources_.push_back(sum + w * n);
+      add_sources(level, w);
+      const std::size_t count = sources_.size();
+      add_levels(sources_.data(), &count, 1, 0, 0, n, sum + w * n);
+    }
+  }
+  return sum;
 }
 
-// For each offset along x, from the farthest on: what the ball's slice there covers along y and z. A slice holds those
-// farther out, so that only what it has more must be added.
-void Dilator::slice_ball(int w) {
-  const std::size_t n = plane_size_ - 2 * static_cast<std::size_t>(reach_y_);
-  slices_.assign(static_cast<std::size_t>(reach_x_) + 1, nullptr);
-  if (covered_.size() < slices_.size() * plane_size_) covered_.resize(slices_.size() * plane_size_);
-  for (int i = reach_x_; i >= 0; --i) {
-    const auto index = static_cast<std::size_t>(i);
-    sources_.clear();
-    if (i < reach_x_) sources_.push_back(slices_[index + 1] + reach_y_);
-    for (int j = -reach_y_; j <= reach_y_; ++j) {
-      const int half = half_width(i, j);
-      if (half >= 0 && (i == reach_x_ || half > half_width(i + 1, j)))
-        sources_.push_back(plane(half, w) + reach_y_ + j);
+void Dilator::sample(std::span<const Layer> layers, int stride, const Columns& cells, std::uint64_t* out,
+                     std::size_t out_row) {
+  const Eigen::Vector2i middle = Eigen::Vector2i::Constant(stride / 2);
+  const Columns columns{stride * cells.first + middle, stride * cells.last + middle};
+  const auto words = static_cast<std::size_t>(words_);
+  const auto num_x = static_cast<std::size_t>(cells.last.x() - cells.first.x() + 1);
+  const auto num_y = static_cast<std::size_t>(cells.width());
+  const std::uint64_t* in = stride > 1 ? in_place(layers, columns) : nullptr;
+  std::size_t in_row = in != nullptr ? layers.front().row : 0;
+  if (in == nullptr) {
+    if (!gather(layers, columns)) {
+      for (std::size_t x = 0; x < num_x; ++x) std::fill_n(out + x * out_row, num_y * words, 0);
+      return;
     }
-    if (sources_.size() == 1) {
-      slices_[index] = sources_.front() - reach_y_;
-      continue;
+    in = planes_.data() + static_cast<std::size_t>(reach_x_) * row_ + reach_y_;
+    in_row = row_;
+  }
+  // Rows side by side are taken together, as many as the cache holds.
+  const auto width = static_cast<std::size_t>(columns.width()), step = static_cast<std::size_t>(stride);
+  const std::size_t at_once = stride == 1 ? std::max<std::size_t>(1, kCachedWords / in_row) : 1;
+  for (std::size_t first = 0; first < num_x; first += at_once) {
+    const std::size_t rows = std::min(at_once, num_x - first), n = (rows - 1) * in_row + width;
+    const std::uint64_t* covered = cover(in + first * step * in_row, in_row, n);
+    for (std::size_t x = 0; x < rows; ++x, covered += in_row, out += out_row) {
+      if (words == 1 && step == 1) {
+        std::copy_n(covered, width, out);
+        continue;
+      }
+      for (std::size_t y = 0; y < num_y; ++y) {
+        for (std::size_t w = 0; w < words; ++w) out[y * words + w] = covered[w * n + y * step];
+      }
     }
-    std::uint64_t* out = covered_.data() + index * plane_size_;
-    or_words(sources_, {.n = n}, out + reach_y_);
-    slices_[index] = out;
   }
 }
 
 void Dilator::dilate(std::span<const Layer> layers, const Columns& columns, std::uint64_t* out, std::size_t out_row) {
-  const bool any = gather(layers, columns);
-  if (any) spread();
-  const std::size_t first = static_cast<std::size_t>(reach_x_) * row_ + reach_y_;  // of the wanted columns in a plane
-  const auto rows = static_cast<std::size_t>(columns.last.x() - columns.first.x() + 1);
-  const auto width = static_cast<std::size_t>(columns.width());
-  const auto words = static_cast<std::size_t>(words_);
-  for (int w = 0; w < words_; ++w) {
-    if (any) slice_ball(w);
-    sources_.clear();
-    for (int i = -reach_x_; any && i <= reach_x_; ++i)
-      sources_.push_back(slices_[static_cast<std::size_t>(std::abs(i))] + first +
-                         i * static_cast<std::ptrdiff_t>(row_));
-    if (words_ == 1) {
-      or_words(sources_, {rows, width, row_, out_row}, out);
-      continue;
-    }
-    sum_.resize(rows * width);
-    or_words(sources_, {rows, width, row_, width}, sum_.data());
-    for (std::size_t x = 0; x < rows; ++x) {
-      for (std::size_t y = 0; y < width; ++y)
-        out[x * out_row + y * words + static_cast<std::size_t>(w)] = sum_[x * width + y];
-    }
-  }
-}
-
-// Row by row: the union of what the ball covers with each half-width, from the largest on, spread along z in between.
-void Dilator::sample(std::span<const Layer> layers, int stride, const Columns& cells, std::uint64_t* out) {
-  const Eigen::Vector2i middle = Eigen::Vector2i::Constant(stride / 2);
-  const Columns columns{stride * cells.first + middle, stride * cells.last + middle};
-  const auto words = static_cast<std::size_t>(words_);
-  const int num_x = cells.last.x() - cells.first.x() + 1, num_y = cells.width();
-  const std::uint64_t* in = in_place(layers, columns);
-  std::size_t in_row = in != nullptr ? layers.front().row : 0;
-  if (in == nullptr) {
-    if (!gather(layers, columns)) {
-      std::fill_n(out, static_cast<std::size_t>(num_x) * static_cast<std::size_t>(num_y) * words, 0);
-      return;
-    }
-    in = plane(0, 0) + static_cast<std::size_t>(reach_x_) * row_ + reach_y_;
-    in_row = row_;
-  }
-  const auto n = static_cast<std::size_t>(columns.width());
-  row_sums_.assign(2 * (words + 2) * n, 0);  // before and after spreading; a word of zeros at each end
-  const auto before = [&](int w) { return row_sums_.data() + static_cast<std::size_t>(w + 1) * n; };
-  const auto after = [&](int w) { return before(w) + (words + 2) * n; };
-  for (int x = 0; x < num_x; ++x) {
-    const std::uint64_t* middle_row = in + static_cast<std::size_t>(stride * x) * in_row;
-    for (int h = reach_z_; h >= 0; --h) {
-      for (int w = 0; w < words_; ++w) {
-        sources_.clear();
-        if (h < reach_z_) sources_.push_back(after(w));
-        for (const Eigen::Vector2i& offset : offsets_[static_cast<std::size_t>(h)])
-          sources_.push_back(middle_row + static_cast<std::size_t>(w) * plane_size_ +
-                             offset.x() * static_cast<std::ptrdiff_t>(in_row) + offset.y());
-        or_words(sources_, {.n = n}, before(w));
-      }
-      if (h > 0) spread_by_one(before(0), n, after(0));
-    }
-    for (int y = 0; y < num_y; ++y) {
-      for (int w = 0; w < words_; ++w) *out++ = before(w)[stride * y];
-    }
-  }
+  sample(layers, 1, columns, out, out_row);
 }
 
 void Dilator::dilate(const Sogm& in, double radius_m, Sogm* out) {

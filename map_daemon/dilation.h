@@ -1,11 +1,10 @@
 // Exact Euclidean dilation of bit grids: the configuration space of a spherical robot (paper section IV-A, where it is
-// avoided as too slow). 64 voxels per instruction and more: spread along z by shifts, then OR boxes of columns shifted
-// by each (x, y) offset of the ball.
+// avoided as too slow). 64 voxels per instruction and more: columns are ORed level by level, from those offsets on
+// where the ball is highest, and what there is so far spreads along z by a shift before each further level.
 #pragma once
 
 #include <algorithm>
 #include <cstdint>
-#include <cstdlib>
 #include <span>
 #include <vector>
 
@@ -38,41 +37,32 @@ class Dilator {
   void dilate(std::span<const Layer> layers, const Columns& columns, std::uint64_t* out, std::size_t out_row);
 
   // The same, but only column stride i + stride / 2 for each i of `cells` (not none), and likewise along y; all of them
-  // inside the window. Their words go to `out`, row after row along x.
-  void sample(std::span<const Layer> layers, int stride, const Columns& cells, std::uint64_t* out);
+  // inside the window.
+  void sample(std::span<const Layer> layers, int stride, const Columns& cells, std::uint64_t* out, std::size_t out_row);
 
   // A whole map; keeps the allocation of `out` when it suffices.
   void dilate(const Sogm& in, double radius_m, Sogm* out);
 
  private:
-  // Half-width along z [voxels] of the ball at offset (i, j); -1 outside the ball.
-  int half_width(int i, int j) const {
-    return half_widths_[static_cast<std::size_t>(std::abs(i) * (reach_y_ + 1) + std::abs(j))];
-  }
-  // Words `w` of the columns at work and those around them that the ball reaches, row after row along x, spread along z
-  // by `h`. w = -1 and w = words_per_column are zeros.
-  std::uint64_t* plane(int h, int w) {
-    return planes_.data() + (static_cast<std::size_t>(h) * (words_ + 2) + w + 1) * plane_size_;
-  }
+  // Words `w` of the columns at work and those around them that the ball reaches, row after row along x.
+  std::uint64_t* plane(int w) { return planes_.data() + static_cast<std::size_t>(w) * plane_size_; }
   void shape_ball();
-  void sort_offsets();
   const std::uint64_t* in_place(std::span<const Layer> layers, const Columns& columns) const;
   bool gather(std::span<const Layer> layers, const Columns& columns);  // false: nothing there
-  void spread();
-  void spread_by_one(const std::uint64_t* in, std::size_t n, std::uint64_t* out) const;
-  void slice_ball(int w);
+  // What the ball covers of `n` columns from `in` on, rows along x `in_row` apart: word w of them n * w behind the
+  // result.
+  const std::uint64_t* cover(const std::uint64_t* in, std::size_t in_row, std::size_t n);
 
   Eigen::Vector3i size_ = Eigen::Vector3i::Zero();  // of the window
   double squared_ = -1.0;                           // of the radius [voxels^2], rounded down
   int reach_x_ = 0, reach_y_ = 0, reach_z_ = 0;     // extent of the ball, at most the window's
   int words_ = 0;                                   // per column
-  std::vector<int> half_widths_;
-  std::size_t row_ = 0, plane_size_ = 0;  // words
-  std::vector<std::uint64_t> planes_, covered_, sum_;
-  std::vector<const std::uint64_t*> slices_;  // by offset along x: the plane of what the ball's slice covers
+  std::size_t row_ = 0, plane_size_ = 0;            // words
+  using Level = std::vector<Eigen::Vector2i>;       // offsets along x and y of the same half-width along z
+  std::vector<Level> levels_;                       // from the widest on
+  std::vector<std::size_t> level_sizes_;
+  std::vector<std::uint64_t> planes_, sums_;
   std::vector<const std::uint64_t*> sources_;
-  std::vector<std::vector<Eigen::Vector2i>> offsets_;  // of the ball, by half-width
-  std::vector<std::uint64_t> row_sums_;
 };
 
 void dilate(const Sogm& in, double radius_m, Sogm* out);

@@ -211,7 +211,7 @@ void CostToGo::close(int step, const Occupancy& occupancy) {
                           &layers_);
   const auto words = static_cast<std::size_t>(sogm.geometry.words_per_column());
   closed_.resize(static_cast<std::size_t>((columns.last.x() - columns.first.x() + 1) * columns.width()) * words);
-  dilator_.sample(layers_, kCellVoxels, columns, closed_.data());
+  dilator_.sample(layers_, kCellVoxels, columns, closed_.data(), static_cast<std::size_t>(columns.width()) * words);
   const std::uint64_t* closed = closed_.data();
   for (int x = columns.first.x(); x <= columns.last.x(); ++x) {
     Value* out = values_.data() + column(step, x, columns.first.y());

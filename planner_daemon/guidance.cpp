@@ -29,7 +29,7 @@ bool Guidance::open_space(const Occupancy& standing, double blocked_m, const Cel
   standing.append_layers(0, all_columns(grid), &layers_);
   closed_.resize(static_cast<std::size_t>(size_.x() * size_.y()) * words);
   dilator_.set(grid, blocked_m);
-  dilator_.sample(layers_, kCellVoxels, all, closed_.data());
+  dilator_.sample(layers_, kCellVoxels, all, closed_.data(), static_cast<std::size_t>(size_.y()) * words);
   std::uint64_t any = 0;
   std::fill(open_.begin(), open_.end(), 0);
   for (std::size_t i = 0; i < closed_.size() / words; ++i) {

@@ -151,7 +151,7 @@ TEST(Dilation, BoxesAndSamplesOfSeveralLayersEqualTheWhole) {
     const Columns some = random_columns(rng, cells);
     std::vector<std::uint64_t> samples(
         static_cast<std::size_t>((some.last.x() - some.first.x() + 1) * some.width()) * words, kUntouched);
-    dilator.sample(layers, stride, some, samples.data());
+    dilator.sample(layers, stride, some, samples.data(), static_cast<std::size_t>(some.width()) * words);
     const std::uint64_t* sample = samples.data();
     for (int x = some.first.x(); x <= some.last.x(); ++x) {
       for (int y = some.first.y(); y <= some.last.y(); ++y) {
