@@ -126,13 +126,18 @@ FiriStatus Firi::grow(const Eigen::Ref<const Eigen::Matrix3Xd>& seed, std::span<
     throw std::invalid_argument("FiriOptions: spacing_m = " + std::to_string(options.spacing_m) +
                                 ", must be finite and >= 0");
   }
+  if (!(options.log_volume_gap > 0.0)) {
+    throw std::invalid_argument("FiriOptions: log_volume_gap = " + std::to_string(options.log_volume_gap) +
+                                ", must be > 0");
+  }
   seed_.resize(seed.cols());
   for (Eigen::Index i = 0; i < seed.cols(); ++i) seed_[i] = seed.col(i);
 
   Ellipsoid ellipsoid;
   ellipsoid.center = seed.rowwise().mean();
   FiriStatus status = cut(ellipsoid, obstacles, lower, upper, options);
-  for (int i = 1; i < options.iterations && num_faces_ > kBoxFaces && inflate(&ellipsoid); ++i) {
+  for (int i = 1; i < options.iterations && num_faces_ > kBoxFaces && inflate(options.log_volume_gap, &ellipsoid);
+       ++i) {
     status = cut(ellipsoid, obstacles, lower, upper, options);
   }
   if (num_faces_ > Polytope::kMaxFaces) {
@@ -200,8 +205,8 @@ FiriStatus Firi::cut(const Ellipsoid& ellipsoid, std::span<const PointRun> obsta
 // Distances are convex along a run.
 void Firi::find_nearest(Candidate* candidate) const {
   const double length2 = spacing_in_ball_.squaredNorm();
-  const double wanted = length2 > 0.0 ? std::round(-candidate->in_ball.dot(spacing_in_ball_) / length2) : 0.0;
-  candidate->nearest = static_cast<int>(std::clamp<double>(wanted, candidate->first, candidate->last));
+  const double wanted = length2 > 0.0 ? -candidate->in_ball.dot(spacing_in_ball_) / length2 : 0.0;
+  candidate->nearest = static_cast<int>(std::clamp<double>(wanted, candidate->first, candidate->last) + 0.5);
   candidate->squared_distance = (candidate->in_ball + candidate->nearest * spacing_in_ball_).squaredNorm();
 }
 
@@ -298,7 +303,7 @@ bool Firi::separate_closest(const Vector3d& obstacle) {
 }
 
 // Finds the largest ellipsoid in the faces; false if they enclose nothing worth it.
-bool Firi::inflate(Ellipsoid* ellipsoid) const {
+bool Firi::inflate(double log_volume_gap, Ellipsoid* ellipsoid) const {
   // An interior point: the closest to the present centre with a ball of some radius around it.
   const auto normals = normals_.topRows(num_faces_);
   const auto offsets = offsets_.head(num_faces_);
@@ -316,7 +321,7 @@ bool Firi::inflate(Ellipsoid* ellipsoid) const {
     };
     Vector3d shift;
     if (shortest_vector(worst, &shift)) {
-      return inscribed_ellipsoid(normals, offsets, ellipsoid->center + shift, ellipsoid);
+      return inscribed_ellipsoid(normals, offsets, ellipsoid->center + shift, log_volume_gap, ellipsoid);
     }
   }
   return false;

@@ -20,7 +20,8 @@ struct FiriOptions {
   int iterations = 2;  // polytope, ellipsoid, polytope ...: two give all the volume
   double half_extent_m =
       0;  // obstacle points are cubes of this half edge (half a voxel): faces keep clear of the whole cube
-  double spacing_m = 0.0;  // of the points of a run, >= 0
+  double spacing_m = 0.0;       // of the points of a run, >= 0
+  double log_volume_gap = 1.0;  // of the ellipsoid, > 0: a closer one leads to no larger polytope
 };
 
 struct Ellipsoid {
@@ -62,7 +63,7 @@ class Firi {
   void find_nearest(Candidate* candidate) const;
   void take_out_nearest(std::size_t index);
   bool trim(const Eigen::Vector3d& normal, double limit, Candidate* candidate) const;
-  bool inflate(Ellipsoid* ellipsoid) const;
+  bool inflate(double log_volume_gap, Ellipsoid* ellipsoid) const;
   bool separate(const Eigen::Vector3d& obstacle, const Eigen::Matrix3d& to_ball, const Eigen::Vector3d& center,
                 double half_extent_m);
   bool separate_closest(const Eigen::Vector3d& obstacle);
@@ -78,12 +79,13 @@ class Firi {
   int num_faces_ = 0;
 };
 
-// Maximum-volume ellipsoid inscribed in a bounded polytope, to about 1 % of the volume and never outside it. False when
-// `inside` is not an interior point; one within some 1e-9 of a face costs volume. Unit normals (faces x 3), offsets
-// (faces).
+// Maximum-volume ellipsoid inscribed in a bounded polytope, never outside it; the logarithm of its volume is at most
+// about `log_volume_gap` (> 0) short of the maximum. False when `inside` is not an interior point; one within some 1e-9
+// of a face costs volume. Unit normals (faces x 3), offsets (faces).
 [[nodiscard]] bool inscribed_ellipsoid(const Eigen::Ref<const Normals>& normals,
                                        const Eigen::Ref<const Eigen::VectorXd>& offsets, const Eigen::Vector3d& inside,
+                                       double log_volume_gap, Ellipsoid* ellipsoid);
+[[nodiscard]] bool inscribed_ellipsoid(const Polytope& polytope, const Eigen::Vector3d& inside, double log_volume_gap,
                                        Ellipsoid* ellipsoid);
-[[nodiscard]] bool inscribed_ellipsoid(const Polytope& polytope, const Eigen::Vector3d& inside, Ellipsoid* ellipsoid);
 
 }  // namespace swarm

@@ -20,7 +20,6 @@ using NormalsRef = Eigen::Ref<const Normals>;
 using OffsetsRef = Eigen::Ref<const Eigen::VectorXd>;
 
 constexpr int kMaxNewtonSteps = 60;
-constexpr double kGapGoal = 0.02;  // bound on the loss of log volume at the end of the central path
 constexpr double kNearest =
     0.8;  // fraction of the way to the faces that a step may go: from too near one it returns slowly
 constexpr double kShortestStep = 1e-6;
@@ -165,7 +164,7 @@ bool solve(Matrix10d* hessian, Vector10d* x) {
 }  // namespace
 
 bool inscribed_ellipsoid(const NormalsRef& normals, const OffsetsRef& offsets, const Vector3d& inside,
-                         Ellipsoid* ellipsoid) {
+                         double log_volume_gap, Ellipsoid* ellipsoid) {
   double radius = INFINITY;
   for (Eigen::Index i = 0; i < offsets.size(); ++i) {
     radius = std::min(radius, offsets(i) - normals.row(i).dot(inside.transpose()));
@@ -174,7 +173,7 @@ bool inscribed_ellipsoid(const NormalsRef& normals, const OffsetsRef& offsets, c
 
   Ellipsoid best{kStart * radius * Matrix3d::Identity(), inside};
   Barrier value = barrier(normals, offsets, best);
-  const double t_end = 2.0 * static_cast<double>(offsets.size()) / kGapGoal;
+  const double t_end = 2.0 * static_cast<double>(offsets.size()) / log_volume_gap;
   double t = std::min(kFirstWeight, t_end);
   Vector10d gradient;
   Matrix10d hessian;
@@ -209,8 +208,9 @@ bool inscribed_ellipsoid(const NormalsRef& normals, const OffsetsRef& offsets, c
   return true;
 }
 
-bool inscribed_ellipsoid(const Polytope& polytope, const Vector3d& inside, Ellipsoid* ellipsoid) {
-  return inscribed_ellipsoid(polytope.normals, polytope.offsets, inside, ellipsoid);
+bool inscribed_ellipsoid(const Polytope& polytope, const Vector3d& inside, double log_volume_gap,
+                         Ellipsoid* ellipsoid) {
+  return inscribed_ellipsoid(polytope.normals, polytope.offsets, inside, log_volume_gap, ellipsoid);
 }
 
 }  // namespace swarm

@@ -9,6 +9,7 @@
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <algorithm>
+#include <array>
 #include <sstream>
 #include <stdexcept>
 #include <vector>
@@ -314,6 +315,7 @@ TEST(Firi, TheSecondIterationGrowsTheVolume) {
   std::vector<double> ratios;
   for (int trial = 0; trial < 600; ++trial) {
     Scene scene = random_scene(rng);
+    scene.options.log_volume_gap = 0.02;
     const double clear = std::sqrt(3.0) * scene.options.half_extent_m + 0.1;
     bool free = true;
     for (Eigen::Index i = 0; i < scene.obstacles.cols(); ++i) {
@@ -329,7 +331,7 @@ TEST(Firi, TheSecondIterationGrowsTheVolume) {
       Polytope polytope;
       ASSERT_EQ(firi.grow(scene.seed, runs_of(scene.obstacles), scene.lower, scene.upper, scene.options, &polytope),
                 FiriStatus::kGrown);
-      ASSERT_TRUE(inscribed_ellipsoid(polytope, Vector3d(ellipsoid.center), &ellipsoid));
+      ASSERT_TRUE(inscribed_ellipsoid(polytope, Vector3d(ellipsoid.center), scene.options.log_volume_gap, &ellipsoid));
       volume[iterations - 1] = ellipsoid.shape.determinant();
     }
     ratios.push_back(volume[1] / volume[0]);
@@ -338,6 +340,31 @@ TEST(Firi, TheSecondIterationGrowsTheVolume) {
   ASSERT_GT(ratios.size(), 100u);
   std::nth_element(ratios.begin(), ratios.begin() + static_cast<long>(ratios.size() / 2), ratios.end());
   EXPECT_GT(ratios[ratios.size() / 2], 1.0);
+}
+
+// Ellipsoids that are not quite the largest lead to polytopes as large.
+TEST(Firi, ALooseEllipsoidCostsNoVolume) {
+  Rng rng(9);
+  Firi firi;
+  std::array<double, 2> volume = {};  // with the loose ellipsoid and the largest; in volumes of the boxes, summed
+  for (int trial = 0; trial < 300; ++trial) {
+    Scene scene = random_scene(rng);
+    scene.options.iterations = 2;
+    std::array<Polytope, 2> polytopes;
+    bool grown = true;
+    for (Polytope& polytope : polytopes) {
+      grown = grown && firi.grow(scene.seed, runs_of(scene.obstacles), scene.lower, scene.upper, scene.options,
+                                 &polytope) == FiriStatus::kGrown;
+      scene.options.log_volume_gap = 0.01;
+    }
+    constexpr int kPoints = 2000;
+    for (int i = 0; grown && i < kPoints; ++i) {
+      const Vector3d point = in_box(rng, scene.lower, scene.upper);
+      for (std::size_t k = 0; k < 2; ++k) volume[k] += (polytopes[k].violation(point) <= 0.0) / double{kPoints};
+    }
+  }
+  EXPECT_GT(volume[1], 30.0);
+  EXPECT_GT(volume[0], 0.99 * volume[1]);
 }
 
 TEST(Firi, RepeatsToTheLastBitAndForgetsEarlierCalls) {
@@ -400,6 +427,7 @@ TEST(Firi, RefusesBadArguments) {
   EXPECT_THROW((void)grow(seed, {2, NAN}), std::invalid_argument);
   EXPECT_THROW((void)grow(seed, {2, 0.0, -0.1}), std::invalid_argument);
   EXPECT_THROW((void)grow(seed, {2, 0.0, INFINITY}), std::invalid_argument);
+  EXPECT_THROW((void)grow(seed, {2, 0.0, 0.0, 0.0}), std::invalid_argument);
 }
 
 TEST(Firi, StatusesHaveNames) {
