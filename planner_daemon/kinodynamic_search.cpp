@@ -21,6 +21,11 @@ std::uint64_t mix(std::uint64_t hash, std::int64_t value) {
   return hash ^ (hash >> 31);
 }
 
+// std::llround calls the library.
+std::int64_t nearest(double value) {
+  return static_cast<std::int64_t>(value + std::copysign(0.5, value));
+}
+
 // For the heap: the smallest priority first, among equals the oldest.
 constexpr auto kLater = [](const auto& a, const auto& b) {
   return a.priority > b.priority || (a.priority == b.priority && a.node > b.node);
@@ -95,8 +100,8 @@ bool KinodynamicSearch::seen_before(const State& state, int depth) {
   const double refine = slow ? 3.0 : 1.0;
   std::uint64_t key = mix(slow ? 1 : 0, depth);
   for (int axis = 0; axis < 3; ++axis) {
-    key = mix(key, std::llround(state.position[axis] / options_.cell_m * refine));
-    key = mix(key, std::llround(state.velocity[axis] / options_.cell_mps * refine));
+    key = mix(key, nearest(state.position[axis] / options_.cell_m * refine));
+    key = mix(key, nearest(state.velocity[axis] / options_.cell_mps * refine));
   }
   key |= 1;  // 0 marks a free slot
   std::size_t slot = (key >> 1) & (closed_.size() - 1);

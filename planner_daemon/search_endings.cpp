@@ -130,7 +130,7 @@ bool KinodynamicSearch::shoot(const Node& node, SearchResult* result) {
     const int samples = room * kSamples;
     for (int i = 1; i <= samples && ok; ++i) {
       const double s = std::min(1.0, static_cast<double>(i) / (pieces * kSamples));
-      const Eigen::Vector3d position = evaluate_bezier(whole, duration, s).position;
+      const Eigen::Vector3d position = bezier_position(whole, s);
       const std::int64_t utime = begin + i * std::int64_t{options_.piece_us} / kSamples;
       ok = !avoided_at(position, problem_.blocked->frame_at(utime)) &&
            (position.array() >= limits_.space_min.array() - 1e-6).all() &&

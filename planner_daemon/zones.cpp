@@ -116,9 +116,11 @@ void Zones::prepare_blocked(int first_frame, int last_frame, const Columns& colu
 }
 
 void Zones::prepare(int first_frame, int last_frame, const Columns& columns) {
-  prepare_blocked(first_frame, last_frame, columns);
-  for_each_new_box(first_frame, last_frame, columns, &near_rounds_,
-                   [this](int frame, const Columns& box) { work_out_near(frame, box); });
+  if (emergency_) prepare_blocked(first_frame, last_frame, columns);
+  for_each_new_box(first_frame, last_frame, columns, &near_rounds_, [this](int frame, const Columns& box) {
+    prepare_blocked(frame, frame, box);
+    work_out_near(frame, box);
+  });
 }
 
 void Zones::dilate(int frame, const Columns& box, Dilator* dilator, Sogm* zone) {
