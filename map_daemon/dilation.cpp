@@ -78,6 +78,20 @@ SWARM_WIDE void add_levels(const Word* const* sources, const std::size_t* counts
       });
 }
 
+// Unions of the row at `in` with those up to r away, to both sides, for r from 1 to `reach`: `n` words each.
+SWARM_WIDE void add_rows(const Word* in, std::size_t row, std::size_t reach, std::size_t n, Word* out) {
+  for_each_sum<Block, Single<Block::Register>, Single<Word>>(
+      n, [&]<class Sum>(std::size_t i) __attribute__((always_inline)) {
+        Sum sum;
+        sum.add(in + i);
+        for (std::size_t r = 1; r <= reach; ++r) {
+          sum.add(in + i - r * row);
+          sum.add(in + i + r * row);
+          sum.store(out + (r - 1) * n + i);
+        }
+      });
+}
+
 // out = in, and its neighbours along z, as far as `inside` goes; `below` and `above` are the adjacent words of the same
 // columns.
 SWARM_WIDE void spread_words(const Word* __restrict in, const Word* __restrict below, const Word* __restrict above,
@@ -119,16 +133,22 @@ void Dilator::shape_ball() {
   reach_x_ = half_width(0, size_.x());
   reach_y_ = half_width(0, size_.y());
   reach_z_ = half_width(0, size_.z());
-  levels_.assign(static_cast<std::size_t>(reach_z_) + 1, {});
-  level_sizes_.assign(levels_.size(), 0);
-  for (int i = -reach_x_; i <= reach_x_; ++i) {
+  // Half-widths fall with both offsets. So at a distance j along y, the rows in which the ball is at least h high are
+  // those up to some distance along x: their union is one source of the level. What the level before has is left out.
+  const auto farthest = [&](int h, int j) {
+    int i = reach_x_;
+    while (i >= 0 && half_width(i * i + j * j, size_.z()) < h) --i;
+    return i;
+  };
+  levels_.clear();
+  level_sizes_.clear();
+  for (int h = reach_z_; h >= 0; --h) {
+    Level& level = levels_.emplace_back();
     for (int j = -reach_y_; j <= reach_y_; ++j) {
-      const int half = half_width(i * i + j * j, size_.z());
-      if (half < 0) continue;
-      const auto level = static_cast<std::size_t>(reach_z_ - half);
-      levels_[level].push_back({i, j});
-      ++level_sizes_[level];
+      const int i = farthest(h, j);
+      if (i > (h == reach_z_ ? -1 : farthest(h + 1, j))) level.push_back({static_cast<std::size_t>(i), j});
     }
+    level_sizes_.push_back(level.size());
   }
 }
 
@@ -192,12 +212,18 @@ bool Dilator::gather(std::span<const Layer> layers, const Columns& columns) {
 
 // From the widest level on; what it has so far, each further level spreads and adds to.
 const std::uint64_t* Dilator::cover(const std::uint64_t* in, std::size_t in_row, std::size_t n) {
-  const auto words = static_cast<std::size_t>(words_);
-  const std::size_t padded = (words + 2) * n;
+  const auto words = static_cast<std::size_t>(words_), reach = static_cast<std::size_t>(reach_x_);
+  const auto margin = static_cast<std::size_t>(reach_y_);
+  const std::size_t wide = n + 2 * margin, padded = (words + 2) * n;
+  if (unions_.size() < reach * words * wide) unions_.resize(reach * words * wide);
   if (sums_.size() < 2 * padded) sums_.resize(2 * padded);
+  for (std::size_t w = 0; w < words; ++w)
+    add_rows(in + w * plane_size_ - margin, in_row, reach, wide, unions_.data() + w * reach * wide);
   const auto add_sources = [&](const Level& level, std::size_t w) {
-    for (const Eigen::Vector2i& offset : level)
-      sources_.push_back(in + w * plane_size_ + offset.x() * static_cast<std::ptrdiff_t>(in_row) + offset.y());
+    for (const Source source : level)
+      sources_.push_back(
+          (source.rows == 0 ? in + w * plane_size_ : unions_.data() + (w * reach + source.rows - 1) * wide + margin) +
+          source.shift);
   };
   const int tail = size_.z() % 64;
   const Word all = ~Word{0}, top = tail != 0 ? (Word{1} << tail) - 1 : all;

@@ -58,10 +58,14 @@ class Dilator {
   int reach_x_ = 0, reach_y_ = 0, reach_z_ = 0;     // extent of the ball, at most the window's
   int words_ = 0;                                   // per column
   std::size_t row_ = 0, plane_size_ = 0;            // words
-  using Level = std::vector<Eigen::Vector2i>;       // offsets along x and y of the same half-width along z
-  std::vector<Level> levels_;                       // from the widest on
+  struct Source {
+    std::size_t rows;  // the union of those up to so many away along x ...
+    int shift;         // ... shifted along y
+  };
+  using Level = std::vector<Source>;  // of the ball's half-widths along z
+  std::vector<Level> levels_;         // from the widest on
   std::vector<std::size_t> level_sizes_;
-  std::vector<std::uint64_t> planes_, sums_;
+  std::vector<std::uint64_t> planes_, unions_, sums_;
   std::vector<const std::uint64_t*> sources_;
 };
 
