@@ -8,6 +8,12 @@
 
 namespace swarm {
 
+// std::floor calls the library where the processor's own instruction may be missing.
+inline int floor_of(double value) {
+  const int whole = static_cast<int>(value);
+  return whole - (value < whole ? 1 : 0);
+}
+
 // Where a window of voxels lies. Voxel i of the world lattice spans [i, i + 1) * resolution along each axis of W, so
 // windows of different times share their voxels and the map never slides.
 struct GridGeometry {
@@ -17,7 +23,9 @@ struct GridGeometry {
 
   // Window index of the voxel that holds world point `p` [m]; may lie outside the window.
   Eigen::Vector3i voxel_of(const Eigen::Vector3d& p) const {
-    return (p / resolution_m).array().floor().matrix().cast<int>() - origin;
+    return Eigen::Vector3i(floor_of(p.x() / resolution_m), floor_of(p.y() / resolution_m),
+                           floor_of(p.z() / resolution_m)) -
+           origin;
   }
   // Centre of a window voxel, W [m].
   Eigen::Vector3d center_of(const Eigen::Vector3i& voxel) const {

@@ -12,12 +12,6 @@ namespace {
 constexpr double kFade_s = 1.0, kLeastFade = 0.05;
 constexpr double kOverspeed = 1.0025;  // of v_max: what a start in the middle of a piece may still rise to
 
-// std::floor calls the library where the processor's own instruction may be missing.
-int floor_of(double value) {
-  const int whole = static_cast<int>(value);
-  return whole - (value < whole ? 1 : 0);
-}
-
 // Largest velocity during a primitive from (v, a > 0).
 double peak_velocity(double v, double a, double a1, double tau) {
   if (a1 >= 0.0) return v + tau / 3 * (a + 2 * a1);
@@ -169,6 +163,12 @@ double KinodynamicSearch::zone_cost(const SampleColumns& columns, const AxisOpti
     for (std::size_t i = 0; i < kSamples; ++i) any |= columns.near[i] & z.in_window[i];
   }
   if (any == 0) return 0.0;  // the near zone holds the blocked one
+  if (!start_blocked_ && !problem_.emergency) {
+    std::uint64_t blocked = 0;
+    for (std::size_t i = 0; i < kSamples; ++i)
+      blocked |= problem_.blocked->words[word(i)] & columns.inside[i] & z.in_window[i];
+    if (blocked != 0) return -1.0;
+  }
   double cost = 0.0;
   for (std::size_t i = 0; i < kSamples; ++i) {
     const std::uint64_t bit = columns.inside[i] & z.in_window[i];
