@@ -1,5 +1,5 @@
 // The programs as an operator meets them: what is wrong is told in one line, --help and --print-config tell the truth,
-// SIGTERM ends them, and garbage on the bus is only counted.
+// SIGTERM ends them, and garbage on the bus is only counted. Long because every program is tried in the same ways.
 #include <nlohmann/json.hpp>
 #include <random>
 #include <sstream>
@@ -393,7 +393,9 @@ TEST(PlannerBench, SolvesStoredProblems) {
   expect_complaint({"planner_bench", "--problems", file}, {file, "line 2", "3 components"});
   write_text(file, "");
   expect_complaint({"planner_bench", "--problems", file}, {file, "no problem"});
-  expect_complaint({"planner_bench", "--problems", directory / "none"}, {"none", "cannot be read"});
+  const std::string none = directory / "none" / "file";
+  expect_complaint({"planner_bench", "--problems", none}, {none, "cannot be read"});
+  expect_complaint({"planner_bench", "--growth", none}, {none, "cannot be written"});
 }
 
 }  // namespace

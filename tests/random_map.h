@@ -98,8 +98,8 @@ inline Sogm random_bits(const Eigen::Vector3i& size, int frames, double density,
 
 // Balls and columns, half of them moving.
 inline Sogm random_map(Rng& rng, int obstacles, const Eigen::Vector3d& size_m, int frames, std::int64_t start_utime,
-                       std::int64_t frame_us) {
-  Sogm sogm = empty_map(size_m, 0.1, frames, start_utime, frame_us);
+                       std::int64_t frame_us, double resolution_m = 0.1) {
+  Sogm sogm = empty_map(size_m, resolution_m, frames, start_utime, frame_us);
   for (int i = 0; i < obstacles; ++i) {
     const Eigen::Vector3d center = in_box(rng, -size_m / 2, size_m / 2);
     Eigen::Vector3d velocity = i % 2 == 0 ? Eigen::Vector3d::Zero().eval() : in_cube(rng, 1.5);
