@@ -14,7 +14,7 @@ namespace {
 using Word = std::uint64_t;
 constexpr std::size_t kCachedWords = 512;  // of a row of sources at work
 
-// Four registers' worth of words, and one word for what is too short for them.
+// Four registers' worth of words.
 struct Block {
   using Register = Word __attribute__((vector_size(32)));
   static constexpr std::size_t kEach = sizeof(Register) / sizeof(Word), kWords = 4 * kEach;
@@ -274,7 +274,7 @@ void Dilator::sample(std::span<const Layer> layers, int stride, const Columns& c
     in = planes_.data() + static_cast<std::size_t>(reach_x_) * row_ + reach_y_;
     in_row = row_;
   }
-  // Rows side by side are taken together, as many as the cache holds.
+  // Rows side by side, as gathered, are taken together, as many as the cache holds.
   const auto width = static_cast<std::size_t>(columns.width()), step = static_cast<std::size_t>(stride);
   const std::size_t at_once = stride == 1 ? std::max<std::size_t>(1, kCachedWords / in_row) : 1;
   for (std::size_t first = 0; first < num_x; first += at_once) {

@@ -54,6 +54,10 @@ Eigen::MatrixXd jerk_root(int degree) {
   return Eigen::MatrixXd(gram.llt().matrixU()).lazyProduct(difference);
 }
 
+double square(double value) {
+  return value * value;
+}
+
 }  // namespace
 
 const char* to_string(SplineStatus status) {
@@ -139,7 +143,7 @@ SplineQp::Impl::Impl(int curve_degree, const std::vector<double>& durations)
     const double h = durations_s[k];
     jerk.block(k * (degree - 2), k * (degree - 2), degree - 2, degree - 1) = root / std::sqrt(h);
     horizon_s += h;
-    jerk_cap += 3.0 * std::pow(2.0 * (degree - 2), 2) / h;
+    jerk_cap += 3.0 * square(2.0 * (degree - 2)) / h;
   }
 
   // The end's velocity and position as functions of the accelerations, and the null space of their interior part.
@@ -336,7 +340,7 @@ double SplineQp::Impl::enter(const Row& row, double* bound) {
 
 SplineStatus SplineQp::Impl::optimise(int* iterations) {
   const int limit = 200 + 20 * 3 * freedom;
-  const double cap = jerk_cap * std::pow(acc_limit + kFixedTolerance, 2);
+  const double cap = jerk_cap * square(acc_limit + kFixedTolerance);
   for (bool exact = true;;) {
     Row row;
     if (!worst_row(&row)) {

@@ -293,12 +293,10 @@ constexpr const char* kUsage =
     "Usage: planner_bench [--benchmark_filter=REGEX]\n"
     "       planner_bench --problems FILE.jsonl\n"
     "       planner_bench --growth FILE.csv\n"
-    "Without arguments: how long plans and maps take in lock-step flights with 50 obstacles, and each numerical step "
-    "on\n"
-    "the planning requests of one robot in two of them (20 and 50 columns), beside the authors' public code.\n"
+    "Without arguments: how long plans and maps take in lock-step flights with 50 obstacles, and each numerical\n"
+    "step on the planning requests of one robot in two of them (20 and 50 columns), beside the authors' public code.\n"
     "  --problems FILE  solves stored problems of the trajectory optimisation and prints one JSON line each\n"
-    "  --growth FILE    times plans with ever more obstacles, peers, horizon and resolution; writes the table to "
-    "FILE\n";
+    "  --growth FILE    times plans with ever more obstacles, peers, horizon and resolution; the table goes to FILE\n";
 
 int bench(int argc, char** argv) {
   if (argc == 3 && std::strcmp(argv[1], "--problems") == 0) {

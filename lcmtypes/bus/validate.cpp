@@ -115,7 +115,8 @@ Refusal validate(const announcement_t& m) {
 
 Refusal validate(const corridors_t& m) {
   const auto face_ok = [](const face_t& face) {
-    const double norm = std::hypot(face.normal[0], face.normal[1], face.normal[2]);
+    const double norm =
+        std::sqrt(face.normal[0] * face.normal[0] + face.normal[1] * face.normal[1] + face.normal[2] * face.normal[2]);
     return within(face.piece, 0, trajectory_t::kMaxPieces - 1) && within(norm, 0.999, 1.001) &&
            std::isfinite(face.offset);
   };
