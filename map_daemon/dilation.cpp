@@ -1,6 +1,7 @@
 #include "map_daemon/dilation.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstring>
 #include <stdexcept>
@@ -32,6 +33,10 @@ struct Block {
     c = (c | c << 1 | c >> 1) & inside;
     d = (d | d << 1 | d >> 1) & inside;
   }
+  [[gnu::always_inline]] bool any() const {
+    const Register all = a | b | c | d;
+    return (all[0] | all[1] | all[2] | all[3]) != 0;
+  }
   [[gnu::always_inline]] void store(Word* to) const {
     std::memcpy(to, &a, sizeof a);
     std::memcpy(to + kEach, &b, sizeof b);
@@ -49,8 +54,27 @@ struct Single {
     std::memcpy(&in, from, sizeof in), a |= in;
   }
   [[gnu::always_inline]] void spread(Word inside) { a = (a | a << 1 | a >> 1) & inside; }
+  [[gnu::always_inline]] bool any() const {
+    const Unit none{};
+    return std::memcmp(&a, &none, sizeof a) != 0;
+  }
   [[gnu::always_inline]] void store(Word* to) const { std::memcpy(to, &a, sizeof a); }
 };
+
+[[gnu::always_inline]] inline bool holds_any(const Word* in, std::size_t n) {
+  Word bits = 0;
+  if (n < Block::kEach) {
+    for (std::size_t i = 0; i < n; ++i) bits |= in[i];
+    return bits != 0;
+  }
+  Block::Register any{};
+  for (std::size_t i = 0; i < n; i += Block::kEach) {
+    Block::Register some;
+    std::memcpy(&some, in + std::min(i, n - Block::kEach), sizeof some), any |= some;
+  }
+  for (std::size_t i = 0; i < Block::kEach; ++i) bits |= any[i];
+  return bits != 0;
+}
 
 // work<Sum>(i) for n words from i = 0 on, in the largest sums that fit. The last one lies as far back as it must, so
 // that some words are done a second time.
@@ -62,19 +86,53 @@ template <class Sum, class... Smaller, class Work>
   for (std::size_t i = 0; i < n; i += Sum::kWords) work.template operator()<Sum>(std::min(i, n - Sum::kWords));
 }
 
+// Columns side by side along y, `width` of them in each of `count` rows along x that lie `pitch` words apart.
+struct Rows {
+  std::size_t count, pitch, width;
+};
+
+// work<Sum>(from, to) for these words and where they go, but only where `everything` holds something within `margin`:
+// the others are set to 0 at once. (First which ones, then the work: a branch for each would be guessed wrong too
+// often.)
+template <class Sum, class... Smaller, class Work>
+[[gnu::always_inline]] inline void for_each_sum_near(const Word* everything, std::size_t margin, const Rows& rows,
+                                                     Word* out, std::size_t out_pitch, const Work& work) {
+  if constexpr (sizeof...(Smaller) > 0) {
+    if (rows.width < Sum::kWords) return for_each_sum_near<Smaller...>(everything, margin, rows, out, out_pitch, work);
+  }
+  struct Place {
+    std::size_t from, to;
+  };
+  std::array<Place, 64> places;
+  std::size_t count = 0;
+  for (std::size_t x = 0; x < rows.count; ++x) {
+    std::fill_n(out + x * out_pitch, rows.width, 0);
+    for (std::size_t i = 0; i < rows.width; i += Sum::kWords) {
+      const std::size_t y = std::min(i, rows.width - Sum::kWords);
+      places[count] = {x * rows.pitch + y, x * out_pitch + y};
+      count += holds_any(everything + places[count].from - margin, Sum::kWords + 2 * margin) ? 1 : 0;
+      if (count < places.size() && (x + 1 < rows.count || i + Sum::kWords < rows.width)) continue;
+      for (std::size_t k = 0; k < count; ++k) work.template operator()<Sum>(places[k].from, places[k].to);
+      count = 0;
+    }
+  }
+}
+
 // Level by level: what there is so far spreads by one voxel along z, as far as `inside` goes, and the level's sources
-// join; each holds `n` words from `begin` on.
+// join. What joins a word lies within `margin` of that word of `everything`.
 SWARM_WIDE void add_levels(const Word* const* sources, const std::size_t* counts, std::size_t levels, Word inside,
-                           std::size_t begin, std::size_t n, Word* out) {
-  for_each_sum<Block, Single<Block::Register>, Single<Word>>(
-      n, [&]<class Sum>(std::size_t i) __attribute__((always_inline)) {
+                           const Rows& rows, const Word* everything, std::size_t margin, Word* out,
+                           std::size_t out_pitch) {
+  for_each_sum_near<Block, Single<Block::Register>, Single<Word>>(
+      everything, margin, rows, out,
+      out_pitch, [&]<class Sum>(std::size_t from, std::size_t to) __attribute__((always_inline)) {
         Sum sum;
         const Word* const* source = sources;
         for (std::size_t level = 0; level < levels; ++level) {
           if (level > 0) sum.spread(inside);
-          for (const Word* const* end = source + counts[level]; source != end; ++source) sum.add(*source + begin + i);
+          for (const Word* const* end = source + counts[level]; source != end; ++source) sum.add(*source + from);
         }
-        sum.store(out + i);
+        sum.store(out + to);
       });
 }
 
@@ -100,9 +158,16 @@ SWARM_WIDE void spread_words(const Word* __restrict in, const Word* __restrict b
     out[i] = (in[i] | in[i] << 1 | in[i] >> 1 | below[i] >> 63 | above[i] << 63) & inside;
 }
 
-SWARM_WIDE Word or_all(const Word* in, std::size_t n) {
-  Word any = 0;
-  for (std::size_t i = 0; i < n; ++i) any |= in[i];
+// out = the union of the sources, `n` words each from `begin` on. Whether there is anything.
+SWARM_WIDE bool unite(const Word* const* sources, std::size_t count, std::size_t begin, std::size_t n, Word* out) {
+  bool any = false;
+  for_each_sum<Block, Single<Block::Register>, Single<Word>>(
+      n, [&]<class Sum>(std::size_t i) __attribute__((always_inline)) {
+        Sum sum;
+        for (std::size_t k = 0; k < count; ++k) sum.add(sources[k] + begin + i);
+        sum.store(out + i);
+        any |= sum.any();
+      });
   return any;
 }
 
@@ -172,7 +237,7 @@ bool Dilator::gather(std::span<const Layer> layers, const Columns& columns) {
   const std::size_t needed = static_cast<std::size_t>(words_) * plane_size_;
   if (planes_.size() < needed) planes_.resize(needed);
   const auto words = static_cast<std::size_t>(words_);
-  std::uint64_t any = 0;
+  bool any = false;
   for (int w = 0; w < words_; ++w) {
     // Layers that hold all there is in the window and lie alike are taken together.
     sources_.clear();
@@ -191,9 +256,9 @@ bool Dilator::gather(std::span<const Layer> layers, const Columns& columns) {
     if (from != low || to != high) std::fill_n(plane(w), plane_size_, 0);
     const auto rows = static_cast<std::size_t>(to.x() - from.x() + 1),
                n = static_cast<std::size_t>(to.y() - from.y() + 1);
-    const std::size_t count = sources_.size();
     Word* out = plane(w) + static_cast<std::size_t>(from.x() - low.x()) * row_ + (from.y() - low.y());
-    for (std::size_t x = 0; x < rows; ++x) add_levels(sources_.data(), &count, 1, 0, x * stride, n, out + x * row_);
+    for (std::size_t x = 0; x < rows; ++x)
+      any |= unite(sources_.data(), sources_.size(), x * stride, n, out + x * row_);
     for (const Layer& layer : layers) {
       if (is_whole(layer)) continue;
       const Eigen::Vector2i first = layer.columns.first.cwiseMax(from), last = layer.columns.last.cwiseMin(to);
@@ -202,39 +267,39 @@ bool Dilator::gather(std::span<const Layer> layers, const Columns& columns) {
                                   static_cast<std::size_t>(first.y() - layer.columns.first.y()) * words +
                                   static_cast<std::size_t>(w);
         std::uint64_t* sum = plane(w) + static_cast<std::size_t>(x - low.x()) * row_ + (first.y() - low.y());
-        for (int y = first.y(); y <= last.y(); ++y, in += words) *sum++ |= *in;
+        for (int y = first.y(); y <= last.y(); ++y, in += words) any |= (*sum++ |= *in) != 0;
       }
     }
-    any |= or_all(plane(w), plane_size_);
   }
-  return any != 0;
+  return any;
 }
 
 // From the widest level on; what it has so far, each further level spreads and adds to.
-const std::uint64_t* Dilator::cover(const std::uint64_t* in, std::size_t in_row, std::size_t n) {
+void Dilator::cover(const std::uint64_t* in, std::size_t pitch, std::size_t num_rows, std::size_t width,
+                    std::uint64_t* out, std::size_t out_pitch) {
   const auto words = static_cast<std::size_t>(words_), reach = static_cast<std::size_t>(reach_x_);
   const auto margin = static_cast<std::size_t>(reach_y_);
-  const std::size_t wide = n + 2 * margin, padded = (words + 2) * n;
+  const std::size_t n = (num_rows - 1) * pitch + width, wide = n + 2 * margin;
   if (unions_.size() < reach * words * wide) unions_.resize(reach * words * wide);
-  if (sums_.size() < 2 * padded) sums_.resize(2 * padded);
   for (std::size_t w = 0; w < words; ++w)
-    add_rows(in + w * plane_size_ - margin, in_row, reach, wide, unions_.data() + w * reach * wide);
+    add_rows(in + w * plane_size_ - margin, pitch, reach, wide, unions_.data() + w * reach * wide);
+  const auto rows_within = [&](std::size_t rows, std::size_t w) {
+    return rows == 0 ? in + w * plane_size_ : unions_.data() + (w * reach + rows - 1) * wide + margin;
+  };
   const auto add_sources = [&](const Level& level, std::size_t w) {
-    for (const Source source : level)
-      sources_.push_back(
-          (source.rows == 0 ? in + w * plane_size_ : unions_.data() + (w * reach + source.rows - 1) * wide + margin) +
-          source.shift);
+    for (const Source source : level) sources_.push_back(rows_within(source.rows, w) + source.shift);
   };
   const int tail = size_.z() % 64;
   const Word all = ~Word{0}, top = tail != 0 ? (Word{1} << tail) - 1 : all;
-  Word* sum = sums_.data() + n;
   if (words == 1) {
     sources_.clear();
     for (const Level& level : levels_) add_sources(level, 0);
-    add_levels(sources_.data(), level_sizes_.data(), levels_.size(), top, 0, n, sum);
-    return sum;
+    return add_levels(sources_.data(), level_sizes_.data(), levels_.size(), top, {num_rows, pitch, width},
+                      rows_within(reach, 0), margin, out, out_pitch);
   }
-  Word* spread = sum + padded;
+  const std::size_t padded = (words + 2) * n;
+  if (sums_.size() < 2 * padded) sums_.resize(2 * padded);
+  Word *sum = sums_.data() + n, *spread = sum + padded;
   for (Word* columns : {sum, spread}) {  // end in zeros
     std::fill_n(columns - n, n, 0);
     std::fill_n(columns + words * n, n, 0);
@@ -250,11 +315,14 @@ const std::uint64_t* Dilator::cover(const std::uint64_t* in, std::size_t in_row,
       sources_.clear();
       if (!first) sources_.push_back(sum + w * n);
       add_sources(level, w);
-      const std::size_t count = sources_.size();
-      add_levels(sources_.data(), &count, 1, 0, 0, n, sum + w * n);
+      (void)unite(sources_.data(), sources_.size(), 0, n, sum + w * n);
     }
   }
-  return sum;
+  for (std::size_t x = 0; x < num_rows; ++x) {
+    for (std::size_t y = 0; y < width; ++y) {
+      for (std::size_t w = 0; w < words; ++w) out[x * out_pitch + y * words + w] = sum[w * n + x * pitch + y];
+    }
+  }
 }
 
 void Dilator::sample(std::span<const Layer> layers, int stride, const Columns& cells, std::uint64_t* out,
@@ -274,20 +342,18 @@ void Dilator::sample(std::span<const Layer> layers, int stride, const Columns& c
     in = planes_.data() + static_cast<std::size_t>(reach_x_) * row_ + reach_y_;
     in_row = row_;
   }
-  // Rows side by side, as gathered, are taken together, as many as the cache holds.
   const auto width = static_cast<std::size_t>(columns.width()), step = static_cast<std::size_t>(stride);
-  const std::size_t at_once = stride == 1 ? std::max<std::size_t>(1, kCachedWords / in_row) : 1;
-  for (std::size_t first = 0; first < num_x; first += at_once) {
-    const std::size_t rows = std::min(at_once, num_x - first), n = (rows - 1) * in_row + width;
-    const std::uint64_t* covered = cover(in + first * step * in_row, in_row, n);
-    for (std::size_t x = 0; x < rows; ++x, covered += in_row, out += out_row) {
-      if (words == 1 && step == 1) {
-        std::copy_n(covered, width, out);
-        continue;
-      }
-      for (std::size_t y = 0; y < num_y; ++y) {
-        for (std::size_t w = 0; w < words; ++w) out[y * words + w] = covered[w * n + y * step];
-      }
+  if (step == 1) {  // rows side by side, as gathered, are taken together, as many as the cache holds
+    const std::size_t at_once = std::max<std::size_t>(1, kCachedWords / in_row);
+    for (std::size_t x = 0; x < num_x; x += at_once)
+      cover(in + x * in_row, in_row, std::min(at_once, num_x - x), width, out + x * out_row, out_row);
+    return;
+  }
+  covered_.resize(width * words);
+  for (std::size_t x = 0; x < num_x; ++x, out += out_row) {
+    cover(in + x * step * in_row, in_row, 1, width, covered_.data(), width * words);
+    for (std::size_t y = 0; y < num_y; ++y) {
+      for (std::size_t w = 0; w < words; ++w) out[y * words + w] = covered_[y * step * words + w];
     }
   }
 }

@@ -49,9 +49,10 @@ class Dilator {
   void shape_ball();
   const std::uint64_t* in_place(std::span<const Layer> layers, const Columns& columns) const;
   bool gather(std::span<const Layer> layers, const Columns& columns);  // false: nothing there
-  // What the ball covers of `n` columns from `in` on, rows along x `in_row` apart: word w of them n * w behind the
-  // result.
-  const std::uint64_t* cover(const std::uint64_t* in, std::size_t in_row, std::size_t n);
+  // What the ball covers of the columns from `in` on, `width` of them in each of `num_rows` rows along x, `pitch` words
+  // apart there and `out_pitch` in `out`.
+  void cover(const std::uint64_t* in, std::size_t pitch, std::size_t num_rows, std::size_t width, std::uint64_t* out,
+             std::size_t out_pitch);
 
   Eigen::Vector3i size_ = Eigen::Vector3i::Zero();  // of the window
   double squared_ = -1.0;                           // of the radius [voxels^2], rounded down
@@ -65,7 +66,7 @@ class Dilator {
   using Level = std::vector<Source>;  // of the ball's half-widths along z
   std::vector<Level> levels_;         // from the widest on
   std::vector<std::size_t> level_sizes_;
-  std::vector<std::uint64_t> planes_, unions_, sums_;
+  std::vector<std::uint64_t> planes_, unions_, sums_, covered_;
   std::vector<const std::uint64_t*> sources_;
 };
 

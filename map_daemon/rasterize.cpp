@@ -41,16 +41,6 @@ struct Sweep {
   double reach;
 };
 
-// Sets the voxels of one column whose centres lie in [low, high] (in voxels above the window's first centre).
-void set_run(double low, double high, int size, std::uint64_t* column) {
-  const int first = size - static_cast<int>(size - std::clamp<double>(low, 0.0, size));  // ceil
-  const int last = static_cast<int>(std::clamp<double>(high + 1.0, 0.0, size)) - 1;      // floor
-  for (int w = first >> 6; w <= last >> 6; ++w) {
-    const int from = std::max(first - 64 * w, 0), to = std::min(last - 64 * w, 63);
-    if (from <= to) column[w] |= (~std::uint64_t{0} >> (63 - (to - from))) << from;
-  }
-}
-
 class Painter {
  public:
   Painter(const Core& core, const Sweep& sweep, int frame, Sogm* sogm, std::vector<std::uint64_t>* full)

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <cstdint>
 #include <vector>
 
@@ -80,5 +81,16 @@ struct Sogm {
   // Frame in force at `utime`, clamped to the first and the last: what lies beyond the horizon is taken to stay.
   int frame_at(std::int64_t utime) const;
 };
+
+// Sets the voxels of one column of `size` voxels whose centres lie in [low, high] (in voxels above the window's first
+// centre).
+inline void set_run(double low, double high, int size, std::uint64_t* column) {
+  const int first = size - static_cast<int>(size - std::clamp<double>(low, 0.0, size));  // ceil
+  const int last = static_cast<int>(std::clamp<double>(high + 1.0, 0.0, size)) - 1;      // floor
+  for (int w = first >> 6; w <= last >> 6; ++w) {
+    const int from = std::max(first - 64 * w, 0), to = std::min(last - 64 * w, 63);
+    if (from <= to) column[w] |= (~std::uint64_t{0} >> (63 - (to - from))) << from;
+  }
+}
 
 }  // namespace swarm

@@ -69,6 +69,7 @@ FiriStatus CorridorBuilder::build(const ControlPoints& piece, const Occupancy& o
   FiriOptions firi;
   firi.spacing_m = sogm.geometry.resolution_m;
   firi.half_extent_m = 0.5 * sogm.geometry.resolution_m;
+  firi.log_volume_gap = options_.log_volume_gap;
   return firi_.grow(piece, obstacles_, lower, upper, firi, polytope);
 }
 

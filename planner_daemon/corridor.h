@@ -15,6 +15,7 @@ namespace swarm {
 
 struct CorridorOptions {
   double reach_m = 0.6;  // a polytope reaches this far beyond its piece's control points
+  double log_volume_gap = FiriOptions().log_volume_gap;  // see there
 };
 
 // Grows polytopes in configuration space: they bound the robot's centre and need no shrinking by its radius; search,

@@ -114,10 +114,10 @@ bool KinodynamicSearch::seen_before(const State& state, int depth) {
 }
 
 std::int32_t KinodynamicSearch::add_child(std::int32_t index, const AxisOption& x, const AxisOption& y,
-                                          const AxisOption& z, const SampleColumns& columns) {
+                                          const AxisOption& z, const SampleWords& words) {
   if (nodes_.size() == nodes_.capacity()) return -1;  // bounded memory: the best were kept
   const Node& node = nodes_[static_cast<std::size_t>(index)];
-  const double zones = zone_cost(columns, z, node.depth);
+  const double zones = zone_cost(words, z.samples, node.depth);
   if (zones < 0.0) return -1;
   const CostToGo* to_go = problem_.cost_to_go;
   const int step = goal_steps_[static_cast<std::size_t>(node.depth)];
@@ -158,10 +158,15 @@ void KinodynamicSearch::for_each_child(std::int32_t index, const Visit& visit) {
   const AxisOptions xs = axis_options(0, node), ys = axis_options(1, node), zs = axis_options(2, node);
   prepare(node, xs, ys);
   const int depth = node.depth;  // the node itself may move
+  const bool one_word = problem_.blocked->geometry.words_per_column() == 1;
+  SampleWords words;
   for (int x = 0; x < xs.count; ++x) {
     for (int y = 0; y < ys.count; ++y) {
-      const SampleColumns columns = sample_columns(xs.option[x], ys.option[y], depth);
-      for (int z = 0; z < zs.count; ++z) visit(add_child(index, xs.option[x], ys.option[y], zs.option[z], columns));
+      for (int z = 0; z < zs.count; ++z) {
+        const AxisOption &along_x = xs.option[x], &along_y = ys.option[y], &along_z = zs.option[z];
+        if (z == 0 || !one_word) words = sample_words(along_x.samples, along_y.samples, along_z.samples, depth);
+        visit(add_child(index, along_x, along_y, along_z, words));
+      }
     }
   }
 }
@@ -176,6 +181,13 @@ SearchStatus KinodynamicSearch::find(const SearchProblem& problem, SearchResult*
   result->free_until_utime = kNever;
   result->settled = false;
   const Sogm& blocked = *problem.blocked;
+  const GridGeometry& grid = blocked.geometry;
+  for (int axis = 0; axis < 3; ++axis) {
+    const int words = axis == 0 ? grid.size.y() * grid.words_per_column() : axis == 1 ? grid.words_per_column() : 1;
+    axes_[static_cast<std::size_t>(axis)] = {
+        1.0 / grid.resolution_m,           grid.origin[axis],       grid.size[axis],        axis == 2 ? 6 : 0, words,
+        axis == 2 ? 0 : ~std::uint64_t{0}, limits_.space_min[axis], limits_.space_max[axis]};
+  }
   hover_until_utime_ = std::max(problem.start_utime + std::int64_t{options_.num_pieces} * options_.piece_us,
                                 blocked.start_utime + blocked.num_frames * blocked.frame_duration_us);
   start_blocked_ = blocked_at(problem.start.position, blocked.frame_at(problem.start_utime));
@@ -240,7 +252,8 @@ void KinodynamicSearch::hold(std::int32_t index) {
       if (same[axis] == end) return;
     }
     prepare(node, options[0], options[1]);
-    index = add_child(index, *same[0], *same[1], *same[2], sample_columns(*same[0], *same[1], node.depth));
+    index = add_child(index, *same[0], *same[1], *same[2],
+                      sample_words(same[0]->samples, same[1]->samples, same[2]->samples, node.depth));
   }
 }
 

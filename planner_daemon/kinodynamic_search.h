@@ -113,6 +113,25 @@ class KinodynamicSearch {
   static constexpr int kSamples = 8;  // collision checks per primitive
   static constexpr std::int64_t kNever = std::numeric_limits<std::int64_t>::max();
 
+  struct SampleWeights {  // position after each sample's time: p + v * .. + a0 * .. + a1 * ..
+    std::array<double, kSamples> v, a0, a1;
+  };
+  struct AxisGrid {  // an axis of the maps and of the flight space
+    double per_m;    // voxels
+    std::int32_t origin, size;
+    int shift, stride;          // voxels to words of the map
+    std::uint64_t whole_words;  // x, y: all ones; z: 0, for voxels are bits
+    double space_min, space_max;
+  };
+  // Where the samples of a primitive lie along one axis.
+  struct AxisSamples {
+    std::int32_t low, high;  // voxels, all on the way
+    unsigned strays;         // bit i: sample i leaves the flight space; a robot outside may only come back
+    // x, y: what sample i adds to the index of a word of the map; z: its word
+    std::array<std::int32_t, kSamples> offset;
+    // x, y: all ones inside the window, else 0; z: the sample's bit, or 0
+    std::array<std::uint64_t, kSamples> in_window;
+  };
   // What one axis does during a primitive; the axes are independent, so each option is worked out once for all
   // children.
   struct AxisOption {
@@ -120,12 +139,7 @@ class KinodynamicSearch {
     double time_to_goal;                      // min_time_to_rest from there
     double effort;                            // cost of the acceleration
     std::int32_t cell;                        // of the cost to go, at the end; -1: none
-    int low, high;                            // voxels on the way
-    bool inside;                              // stays in the flight space
-    std::array<std::int32_t, kSamples>
-        offset;  // x, y: what the sample adds to the index of a word of the map; z: its word
-    std::array<std::uint64_t, kSamples>
-        in_window;  // x, y: all ones inside the window, else 0; z: the sample's bit, or 0
+    AxisSamples samples;
   };
   struct AxisOptions {
     std::array<AxisOption, 6> option;
@@ -147,30 +161,29 @@ class KinodynamicSearch {
     std::int32_t node;
   };
 
-  AxisOption make_option(int axis, double p, double v, double a, double a1, int step) const;
+  static void place(const SampleWeights& weights, const AxisGrid& grid, double p, double v, double a, double a1,
+                    AxisSamples* out);
+  AxisSamples sample_axis(int axis, double p, double v, double a, double a1) const;
   double calm_down(double v, double a, double high) const;
   AxisOptions axis_options(int axis, const Node& node) const;
   // Has the zones made that the node's primitives pass.
   void prepare(const Node& node, const AxisOptions& xs, const AxisOptions& ys) const;
-  // Where the samples of a primitive lie in the maps, seen from above.
-  struct SampleColumns {
-    std::array<std::int32_t, kSamples> word;     // the lowest of the column
-    std::array<std::uint64_t, kSamples> inside;  // all ones inside the window, else 0
-    std::array<std::uint64_t, kSamples> near;    // that word of the near zone
+  // The words of the zones that hold the samples of a primitive, 0 outside the window; of wake and blocked zone only
+  // where something is near.
+  struct SampleWords {
+    std::array<std::size_t, kSamples> index;
+    std::array<std::uint64_t, kSamples> near, wake, blocked;
     std::uint64_t any_near;
   };
-  SampleColumns sample_columns(const AxisOption& x, const AxisOption& y, int depth) const;
+  SampleWords sample_words(const AxisSamples& x, const AxisSamples& y, const AxisSamples& z, int depth) const;
   // Cost of the zones one primitive passes; negative when it is blocked.
-  double zone_cost(const SampleColumns& columns, const AxisOption& z, int depth) const;
-  // Farther outside the flight space than before: a robot outside may only come back.
-  bool strays(const Eigen::Vector3d& before, const Eigen::Vector3d& position) const;
+  double zone_cost(const SampleWords& words, const AxisSamples& z, int depth) const;
   bool blocked_at(const Eigen::Vector3d& position, int frame) const;
-  bool free_at(const Eigen::Vector3d& position, std::int64_t utime) const;
   double axis_time(int axis, double position, double velocity) const;
   static double time_to_goal(double x_s, double y_s, double z_s);  // from the axes' times
   // Child of a node by one primitive; -1 when it is blocked.
   std::int32_t add_child(std::int32_t index, const AxisOption& x, const AxisOption& y, const AxisOption& z,
-                         const SampleColumns& columns);
+                         const SampleWords& words);
   template <class Visit>
   void for_each_child(std::int32_t index, const Visit& visit);  // visit(child or -1)
   void hold(std::int32_t index);           // on from a node with the same accelerations, as far as it goes
@@ -199,15 +212,13 @@ class KinodynamicSearch {
   SearchLimits limits_;
   SearchOptions options_;
   double tau_;
-  double a_lim_;          // what primitives use of a_max: a little is left for rounding
-  int brake_pieces_;      // any reachable state comes to rest in this many primitives
-  int max_depth_;         // num_pieces - brake_pieces
-  struct SampleWeights {  // position after each sample's time: p + v * .. + a0 * .. + a1 * ..
-    std::array<double, kSamples> v, a0, a1;
-  };
+  double a_lim_;      // what primitives use of a_max: a little is left for rounding
+  int brake_pieces_;  // any reachable state comes to rest in this many primitives
+  int max_depth_;     // num_pieces - brake_pieces
   SampleWeights weights_;
 
   SearchProblem problem_;
+  std::array<AxisGrid, 3> axes_;
   bool start_blocked_ = false;
   std::int64_t hover_until_utime_ = 0;
   std::optional<std::int64_t> goal_open_utime_;             // see goal_open_from(); once it was asked for

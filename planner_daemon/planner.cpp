@@ -9,7 +9,7 @@ namespace swarm {
 namespace {
 
 constexpr std::int64_t kNever = std::numeric_limits<std::int64_t>::max();
-constexpr std::int64_t kGuidanceAge_us = 250'000;
+constexpr std::int64_t kGuidanceAge_us = 250'000, kCostToGoAge_us = 75'000;
 constexpr double kKeepBonus_s = 0.05;  // of the motion already flown where the search got stuck
 constexpr double kWorthwhile = 3.0;    // this much less harm makes the quick way out worth its rough flight
 
@@ -94,26 +94,30 @@ void Planner::compose(const PlanRequest& request) {
   zones_.compose(*request.sogm, *request.peers, reach_);
 }
 
-// What stands still changes slowly: the same guidance serves several plans.
-void Planner::guide(const PlanRequest& request) {
-  const Sogm& sogm = *request.sogm;
-  const std::int64_t age = sogm.start_utime - guided_utime_;
-  const GridGeometry& grid = sogm.geometry;
-  const bool same = guided_size_ == grid.size && guided_resolution_m_ == grid.resolution_m;
-  if (same && age > 0 && age < kGuidanceAge_us && request.goal == guided_goal_) return;
-  const SearchLimits& limits = config_.limits;
-  is_guided_ = guidance_.build(zones_.compose_standing(*request.peers), config_.zones.blocked_m(), request.goal,
-                               limits.space_min.z(), limits.space_max.z());
-  guided_utime_ = sogm.start_utime;
-  guided_size_ = grid.size;
-  guided_resolution_m_ = grid.resolution_m;
-  guided_goal_ = request.goal;
+Planner::Made Planner::made_for(const PlanRequest& request) {
+  const GridGeometry& grid = request.sogm->geometry;
+  return {request.sogm->start_utime, grid.size, grid.resolution_m, request.goal};
+}
+
+// What is free is looked up in the newest map in any case. A younger map only: the same one comes again where parts of
+// a plan are timed.
+bool Planner::Made::serves(const PlanRequest& request, std::int64_t longest_us) const {
+  const Made now = made_for(request);
+  const std::int64_t age_us = now.utime - utime;
+  return age_us > 0 && age_us < longest_us && size == now.size && resolution_m == now.resolution_m && goal == now.goal;
 }
 
 void Planner::build_cost_to_go(const PlanRequest& request) {
-  guide(request);
-  cost_to_go_.build(zones_.occupancy(), config_.zones.blocked_m(), is_guided_ ? &guidance_ : nullptr, reach_,
-                    request.goal, config_.limits.space_min, config_.limits.space_max);
+  const SearchLimits& limits = config_.limits;
+  const double blocked_m = config_.zones.blocked_m();
+  if (!guidance_made_.serves(request, kGuidanceAge_us)) {  // what stands still changes slowly
+    is_guided_ = guidance_.build(zones_.compose_standing(*request.peers), blocked_m, request.goal, limits.space_min.z(),
+                                 limits.space_max.z());
+    guidance_made_ = made_for(request);
+  }
+  cost_to_go_.build(zones_.occupancy(), blocked_m, is_guided_ ? &guidance_ : nullptr, reach_, request.goal,
+                    limits.space_min, limits.space_max);
+  cost_to_go_made_ = made_for(request);
 }
 
 SearchStatus Planner::search(const PlanRequest& request) {
@@ -128,7 +132,7 @@ SearchStatus Planner::search(const PlanRequest& request) {
   problem.tight = &zones_.tight();
   problem.contact = &zones_.contact();
   problem.zones = &zones_;
-  build_cost_to_go(request);
+  if (!cost_to_go_made_.serves(request, kCostToGoAge_us)) build_cost_to_go(request);
   problem.cost_to_go = &cost_to_go_;
   in_danger_ = zones_.blocked_at(problem.start.position, request.start_utime);
   if (in_danger_) zones_.enter_emergency();

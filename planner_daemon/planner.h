@@ -67,12 +67,11 @@ class Planner {
   const SearchProblem& search_problem() const { return search_problem_; }
   const SearchResult& path() const { return path_; }
   const Occupancy& occupancy() const { return zones_.occupancy(); }
-  void build_cost_to_go(const PlanRequest& request);  // a part of the search: again
+  void build_cost_to_go(const PlanRequest& request);  // a part of some plans' searches: again
   const SplineProblem& spline_problem() const { return problem_; }
 
  private:
   void compose(const PlanRequest& request);
-  void guide(const PlanRequest& request);
   SearchStatus search(const PlanRequest& request);
   bool grow_corridors(const PlanRequest& request);
   bool optimize(const PlanRequest& request, Trajectory* smooth);
@@ -95,12 +94,19 @@ class Planner {
   SplineSolution solution_;
   Reach reach_;  // of the robot: all that the plan can touch
   Zones zones_;
-  Guidance guidance_;  // around what stood still at `guided_utime_`, to `guided_goal_`
+  // What looks far ahead serves several plans: made from which map, to which goal.
+  struct Made {
+    std::int64_t utime = 0;
+    Eigen::Vector3i size = Eigen::Vector3i::Zero();  // of the window [voxels]
+    double resolution_m = 0.0;
+    Eigen::Vector3d goal = Eigen::Vector3d::Constant(std::numeric_limits<double>::quiet_NaN());
+
+    bool serves(const PlanRequest& request, std::int64_t longest_us) const;
+  };
+  static Made made_for(const PlanRequest& request);
+  Guidance guidance_;
   bool is_guided_ = false;
-  Eigen::Vector3i guided_size_ = Eigen::Vector3i::Zero();  // of the window [voxels]
-  double guided_resolution_m_ = 0.0;
-  std::int64_t guided_utime_ = 0;
-  Eigen::Vector3d guided_goal_ = Eigen::Vector3d::Constant(std::numeric_limits<double>::quiet_NaN());
+  Made guidance_made_, cost_to_go_made_;
   SearchProblem search_problem_;  // refers to the zones and the cost to go
   SearchResult path_, fine_path_, quick_path_;
   PlanResult result_;

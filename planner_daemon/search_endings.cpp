@@ -10,24 +10,27 @@ namespace {
 constexpr std::int64_t kHarmStep_us = 10'000;
 constexpr double kStrayHarm = 1e6;  // of leaving the flight space: worse than any touch
 
-}  // namespace
+// Bernstein polynomials of degree 4 and 3 at a quarter, a half and three quarters.
+const Eigen::Matrix<double, 5, 3> kFourth =
+    (Eigen::Matrix<double, 5, 3>() << 81, 16, 1, 108, 64, 12, 54, 96, 54, 12, 64, 108, 1, 16, 81).finished() / 256;
+const Eigen::Matrix<double, 4, 3> kThird =
+    (Eigen::Matrix<double, 4, 3>() << 27, 8, 1, 27, 24, 9, 9, 24, 27, 1, 8, 27).finished() / 64;
 
-bool KinodynamicSearch::strays(const Eigen::Vector3d& before, const Eigen::Vector3d& position) const {
-  return ((position.array() < limits_.space_min.array() && position.array() < before.array()) ||
-          (position.array() > limits_.space_max.array() && position.array() > before.array()))
-      .any();
+// Passes the limits at one of these, and so do the bounds of the piece around it: finds out at once most of the
+// quintics that are too short.
+bool hurries(const ControlPoints& whole, double h_s, const SearchLimits& limits) {
+  const Eigen::Matrix<double, 3, 5> steps = whole.rightCols<5>() - whole.leftCols<5>();
+  const double v = 5 / h_s * (steps * kFourth).cwiseAbs().maxCoeff();
+  const double a = 20 / (h_s * h_s) * ((steps.rightCols<4>() - steps.leftCols<4>()) * kThird).cwiseAbs().maxCoeff();
+  return v > limits.v_max * (1 + 1e-6) || a > limits.a_max * (1 + 1e-6);
 }
+
+}  // namespace
 
 bool KinodynamicSearch::blocked_at(const Eigen::Vector3d& position, int frame) const {
   const Eigen::Vector3i voxel = problem_.blocked->geometry.voxel_of(position);
   if (problem_.zones != nullptr) problem_.zones->prepare_blocked(frame, frame, {voxel.head<2>(), voxel.head<2>()});
   return problem_.blocked->occupied(frame, voxel);
-}
-
-bool KinodynamicSearch::free_at(const Eigen::Vector3d& position, std::int64_t utime) const {
-  return problem_.emergency ||
-         (start_blocked_ && utime - problem_.start_utime <= static_cast<std::int64_t>(options_.leave_s * 1e6)) ||
-         !blocked_at(position, problem_.blocked->frame_at(utime));
 }
 
 double KinodynamicSearch::harm_at(const Eigen::Vector3d& position, std::int64_t utime) const {
@@ -46,43 +49,68 @@ double KinodynamicSearch::harm(const Motion& motion) const {
 }
 
 std::int64_t KinodynamicSearch::brake(const Node& node, SearchResult* result, double* harm) const {
+  const Sogm& map = *problem_.blocked;
+  const int words = map.geometry.words_per_frame();
   const Eigen::Vector3d drift = node.state.velocity + tau_ / 3 * node.state.acceleration;
   const Eigen::Vector3d a1 = -drift / (tau_ * (brake_pieces_ - 1));
   std::int64_t first_blocked = kNever;
   *harm = 0.0;
-  const auto look = [&](const Eigen::Vector3d& position, std::int64_t utime, double duration_s) {
-    if (problem_.emergency) *harm += harm_at(position, utime) * duration_s;
-    if (!free_at(position, utime)) first_blocked = utime;
+  const auto pass = [&](std::size_t word, std::uint64_t bit, std::int64_t utime, double duration_s) {
+    if ((map.words[word] & bit) == 0) return;
+    const double ahead_s = 1e-6 * static_cast<double>(utime - problem_.start_utime);
+    if (problem_.emergency) {
+      *harm += duration_s * blocked_weight(ahead_s, (problem_.tight->words[word] & bit) != 0,
+                                           (problem_.contact->words[word] & bit) != 0);
+    } else if (!start_blocked_ || ahead_s > options_.leave_s) {
+      first_blocked = utime;
+    }
   };
   MotionState state = node.state.motion();
-  Eigen::Vector3d before = state.position;
+  std::array<AxisSamples, 3> samples;
   for (int k = 0; k < brake_pieces_; ++k) {
     const bool last = k == brake_pieces_ - 1;
     const Eigen::Vector3d a = last ? Eigen::Vector3d::Zero().eval() : a1;
+    const auto& frames = frames_[static_cast<std::size_t>(node.depth + k)];
     const std::int64_t begin = problem_.start_utime + (node.depth + k) * std::int64_t{options_.piece_us};
-    for (std::size_t i = 0; i < kSamples && first_blocked == kNever; ++i) {
-      const std::int64_t utime = begin + (static_cast<std::int64_t>(i) + 1) * options_.piece_us / kSamples;
-      const Eigen::Vector3d position =
-          state.position + weights_.v[i] * state.velocity + weights_.a0[i] * state.acceleration + weights_.a1[i] * a;
-      look(position, utime, tau_ / kSamples);
-      if (first_blocked == kNever && strays(before, position)) {
-        first_blocked = utime;
-        *harm += kStrayHarm;
+    if (first_blocked == kNever) {
+      for (int axis = 0; axis < 3; ++axis) {
+        samples[static_cast<std::size_t>(axis)] =
+            sample_axis(axis, state.position[axis], state.velocity[axis], state.acceleration[axis], a[axis]);
       }
-      before = position;
+      const auto& [x, y, z] = samples;
+      if (problem_.zones != nullptr)
+        problem_.zones->prepare_blocked(frames.front() / words, frames.back() / words,
+                                        {{x.low, y.low}, {x.high, y.high}});
+      for (std::size_t i = 0; i < kSamples && first_blocked == kNever; ++i) {
+        const std::int64_t utime = begin + (static_cast<std::int64_t>(i) + 1) * options_.piece_us / kSamples;
+        pass(static_cast<std::size_t>(frames[i] + x.offset[i] + y.offset[i] + z.offset[i]),
+             x.in_window[i] & y.in_window[i] & z.in_window[i], utime, tau_ / kSamples);
+        if (first_blocked == kNever && ((x.strays | y.strays | z.strays) >> i & 1u) != 0) {
+          first_blocked = utime;
+          *harm += kStrayHarm;
+        }
+      }
     }
     state = propagate(state, a);
     if (last) state.velocity.setZero(), state.acceleration.setZero();
     result->knots[static_cast<std::size_t>(node.depth + k + 1)] = state;
   }
   result->num_pieces = node.depth + brake_pieces_;
+  const Eigen::Vector3i voxel = map.geometry.voxel_of(state.position);
+  if (first_blocked != kNever || !map.geometry.contains(voxel)) return first_blocked;
   // At rest, one look per frame is enough.
-  const Sogm& map = *problem_.blocked;
   std::int64_t utime = problem_.start_utime + result->num_pieces * std::int64_t{options_.piece_us};
-  while (first_blocked == kNever && utime < hover_until_utime_) {
-    const std::int64_t into_frame = std::max<std::int64_t>(0, utime - map.start_utime) % map.frame_duration_us;
-    const std::int64_t next = std::min(hover_until_utime_, utime + map.frame_duration_us - into_frame);
-    look(state.position, utime, 1e-6 * static_cast<double>(next - utime));
+  const GridGeometry& grid = map.geometry;
+  const int column = (voxel.x() * grid.size.y() + voxel.y()) * grid.words_per_column() + (voxel.z() >> 6);
+  int frame = map.frame_at(utime);
+  if (problem_.zones != nullptr)
+    problem_.zones->prepare_blocked(frame, map.num_frames - 1, {voxel.head<2>(), voxel.head<2>()});
+  for (; first_blocked == kNever && utime < hover_until_utime_; ++frame) {
+    const bool stays = frame == map.num_frames - 1;
+    const std::int64_t end = map.start_utime + (frame + 1) * map.frame_duration_us;
+    const std::int64_t next = stays ? hover_until_utime_ : std::min(hover_until_utime_, end);
+    pass(static_cast<std::size_t>(frame * words + column), std::uint64_t{1} << (voxel.z() & 63), utime,
+         1e-6 * static_cast<double>(next - utime));
     utime = next;
   }
   return first_blocked;
@@ -115,6 +143,7 @@ bool KinodynamicSearch::shoot(const Node& node, SearchResult* result) {
     if (problem_.start_utime + (node.depth + pieces) * std::int64_t{options_.piece_us} < *goal_open_utime_) continue;
     const double duration = pieces * tau_;
     const ControlPoints whole = quintic_control_points(start, goal, duration);
+    if (hurries(whole, duration, limits_)) continue;
     bool ok = true;
     for (int k = 1; k <= pieces && ok; ++k) {
       MotionState& knot = result->knots[node.depth + k];

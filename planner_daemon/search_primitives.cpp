@@ -3,6 +3,7 @@
 #include <cmath>
 #include <limits>
 
+#include "map_daemon/wide.h"
 #include "planner_daemon/kinodynamic_search.h"
 
 namespace swarm {
@@ -31,44 +32,38 @@ double min_time_to_rest(double d, double v, double v_max, double a_max) {
   return (2 * v_max - v) / a_max + cruise / v_max;
 }
 
-KinodynamicSearch::AxisOption KinodynamicSearch::make_option(int axis, double p, double v, double a, double a1,
-                                                             int step) const {
-  AxisOption option;
-  const GridGeometry& grid = problem_.blocked->geometry;
-  const double inverse = 1.0 / grid.resolution_m;
-  const double low = limits_.space_min[axis], high = limits_.space_max[axis];
-  const int words = grid.words_per_column();
-  const int stride = axis == 0 ? grid.size.y() * words : words;
-  std::array<double, kSamples> position;
-  std::array<int, kSamples> voxel;
+// One axis of the map: how far apart its voxels are in the map's words; along z they are bits of words.
+SWARM_WIDE void KinodynamicSearch::place(const SampleWeights& weights, const AxisGrid& grid, double p, double v,
+                                         double a, double a1, AxisSamples* out) {
+  std::array<double, kSamples + 1> position;  // from the start on
+  std::array<std::int32_t, kSamples> voxel;
+  position[0] = p;
+  for (std::size_t i = 0; i < kSamples; ++i)
+    position[i + 1] = p + weights.v[i] * v + weights.a0[i] * a + weights.a1[i] * a1;
+  for (std::size_t i = 0; i < kSamples; ++i) voxel[i] = floor_of(position[i + 1] * grid.per_m) - grid.origin;
+  out->low = out->high = voxel[0];
   for (std::size_t i = 0; i < kSamples; ++i) {
-    position[i] = p + weights_.v[i] * v + weights_.a0[i] * a + weights_.a1[i] * a1;
-    voxel[i] = floor_of(position[i] * inverse) - grid.origin[axis];
+    out->low = std::min(out->low, voxel[i]);
+    out->high = std::max(out->high, voxel[i]);
   }
-  option.low = *std::min_element(voxel.begin(), voxel.end());
-  option.high = *std::max_element(voxel.begin(), voxel.end());
-  // A robot outside the flight space may only come back.
-  bool strays = false;
   for (std::size_t i = 0; i < kSamples; ++i) {
-    const double before = i == 0 ? p : position[i - 1];
-    strays |= (position[i] < low && position[i] < before) || (position[i] > high && position[i] > before);
-    const bool known = voxel[i] >= 0 && voxel[i] < grid.size[axis];
-    if (axis < 2) {
-      option.offset[i] = known ? voxel[i] * stride : 0;
-      option.in_window[i] = known ? ~std::uint64_t{0} : 0;
-    } else {
-      option.offset[i] = known ? voxel[i] >> 6 : 0;
-      option.in_window[i] = known ? std::uint64_t{1} << (voxel[i] & 63) : 0;
-    }
+    const auto known = -static_cast<std::int32_t>((voxel[i] >= 0) & (voxel[i] < grid.size));  // all ones or 0
+    out->offset[i] = (voxel[i] >> grid.shift) * grid.stride & known;
+    const std::uint64_t bit = std::uint64_t{1} << (voxel[i] & 63);
+    out->in_window[i] = (bit | grid.whole_words) & static_cast<std::uint64_t>(std::int64_t{known});
   }
-  option.inside = !strays;
-  option.position = position.back();
-  option.velocity = v + tau_ / 3 * (a + 2 * a1);
-  option.acceleration = a1;
-  option.time_to_goal = axis_time(axis, option.position, option.velocity);
-  option.effort = options_.effort_weight * a1 * a1;
-  option.cell = problem_.cost_to_go != nullptr ? problem_.cost_to_go->cell_of(step, axis, option.position) : -1;
-  return option;
+  out->strays = 0;
+  for (std::size_t i = 0; i < kSamples; ++i) {
+    const double before = position[i], at = position[i + 1];
+    const bool strays = ((at < grid.space_min) & (at < before)) | ((at > grid.space_max) & (at > before));
+    out->strays |= static_cast<unsigned>(strays) << i;
+  }
+}
+
+KinodynamicSearch::AxisSamples KinodynamicSearch::sample_axis(int axis, double p, double v, double a, double a1) const {
+  AxisSamples samples;
+  place(weights_, axes_[static_cast<std::size_t>(axis)], p, v, a, a1, &samples);
+  return samples;
 }
 
 // A start in the middle of a piece may rise above v_max before a primitive ends: the largest a1 <= `high` that prevents
@@ -103,8 +98,16 @@ KinodynamicSearch::AxisOptions KinodynamicSearch::axis_options(int axis, const N
       is_new = is_new && std::abs(options.option[i].acceleration - a1) > 0.05 * a_lim_;
     }
     if (!is_new) continue;
-    options.option[options.count] = make_option(axis, p, v, a, a1, step);
-    if (options.option[options.count].inside) ++options.count;
+    AxisOption& option = options.option[static_cast<std::size_t>(options.count)];
+    option.samples = sample_axis(axis, p, v, a, a1);
+    if (option.samples.strays != 0) continue;
+    ++options.count;
+    option.position = p + weights_.v.back() * v + weights_.a0.back() * a + weights_.a1.back() * a1;
+    option.velocity = v + tau_ / 3 * (a + 2 * a1);
+    option.acceleration = a1;
+    option.time_to_goal = axis_time(axis, option.position, option.velocity);
+    option.effort = options_.effort_weight * a1 * a1;
+    option.cell = problem_.cost_to_go != nullptr ? problem_.cost_to_go->cell_of(step, axis, option.position) : -1;
   }
   return options;
 }
@@ -127,60 +130,65 @@ void KinodynamicSearch::prepare(const Node& node, const AxisOptions& xs, const A
   const auto& frames = frames_[static_cast<std::size_t>(node.depth)];
   const auto low = [](const AxisOptions& options) {
     int voxel = std::numeric_limits<int>::max();
-    for (int i = 0; i < options.count; ++i) voxel = std::min(voxel, options.option[static_cast<std::size_t>(i)].low);
+    for (int i = 0; i < options.count; ++i)
+      voxel = std::min(voxel, options.option[static_cast<std::size_t>(i)].samples.low);
     return voxel;
   };
   const auto high = [](const AxisOptions& options) {
     int voxel = std::numeric_limits<int>::min();
-    for (int i = 0; i < options.count; ++i) voxel = std::max(voxel, options.option[static_cast<std::size_t>(i)].high);
+    for (int i = 0; i < options.count; ++i)
+      voxel = std::max(voxel, options.option[static_cast<std::size_t>(i)].samples.high);
     return voxel;
   };
   const int words = problem_.blocked->geometry.words_per_frame();
   problem_.zones->prepare(frames.front() / words, frames.back() / words, {{low(xs), low(ys)}, {high(xs), high(ys)}});
 }
 
-KinodynamicSearch::SampleColumns KinodynamicSearch::sample_columns(const AxisOption& x, const AxisOption& y,
-                                                                   int depth) const {
+KinodynamicSearch::SampleWords KinodynamicSearch::sample_words(const AxisSamples& x, const AxisSamples& y,
+                                                               const AxisSamples& z, int depth) const {
   const auto& frames = frames_[static_cast<std::size_t>(depth)];
-  SampleColumns columns;
-  columns.any_near = 0;
+  SampleWords words;
+  std::array<std::uint64_t, kSamples> inside;
+  words.any_near = 0;
   for (std::size_t i = 0; i < kSamples; ++i) {
-    columns.word[i] = frames[i] + x.offset[i] + y.offset[i];
-    columns.inside[i] = x.in_window[i] & y.in_window[i];
-    columns.near[i] = problem_.near->words[static_cast<std::size_t>(columns.word[i])] & columns.inside[i];
-    columns.any_near |= columns.near[i];
+    words.index[i] = static_cast<std::size_t>(frames[i] + x.offset[i] + y.offset[i] + z.offset[i]);
+    inside[i] = x.in_window[i] & y.in_window[i];
+    words.near[i] = problem_.near->words[words.index[i]] & inside[i];
+    words.any_near |= words.near[i];
   }
-  return columns;
+  if (words.any_near == 0) return words;
+  for (std::size_t i = 0; i < kSamples; ++i) {
+    words.wake[i] = problem_.wake != nullptr ? problem_.wake->words[words.index[i]] & inside[i] : 0;
+    words.blocked[i] = problem_.blocked->words[words.index[i]] & inside[i];
+  }
+  return words;
 }
 
-double KinodynamicSearch::zone_cost(const SampleColumns& columns, const AxisOption& z, int depth) const {
-  const auto word = [&](std::size_t i) { return static_cast<std::size_t>(columns.word[i] + z.offset[i]); };
-  std::uint64_t any = 0;
-  if (problem_.near->geometry.words_per_column() > 1) {
-    for (std::size_t i = 0; i < kSamples; ++i)
-      any |= problem_.near->words[word(i)] & columns.inside[i] & z.in_window[i];
-  } else if (columns.any_near != 0) {
-    for (std::size_t i = 0; i < kSamples; ++i) any |= columns.near[i] & z.in_window[i];
-  }
-  if (any == 0) return 0.0;  // the near zone holds the blocked one
-  if (!start_blocked_ && !problem_.emergency) {
-    std::uint64_t blocked = 0;
-    for (std::size_t i = 0; i < kSamples; ++i)
-      blocked |= problem_.blocked->words[word(i)] & columns.inside[i] & z.in_window[i];
-    if (blocked != 0) return -1.0;
-  }
+double KinodynamicSearch::zone_cost(const SampleWords& words, const AxisSamples& z, int depth) const {
+  const auto any = [&](const std::array<std::uint64_t, kSamples>& zone) {
+    std::uint64_t bits = 0;
+    for (std::size_t i = 0; i < kSamples; ++i) bits |= zone[i] & z.in_window[i];
+    return bits != 0;
+  };
+  if (words.any_near == 0 || !any(words.near)) return 0.0;  // the near zone holds the others
   double cost = 0.0;
-  for (std::size_t i = 0; i < kSamples; ++i) {
-    const std::uint64_t bit = columns.inside[i] & z.in_window[i];
-    const auto in = [&](const Sogm* zone) { return (zone->words[word(i)] & bit) != 0; };
-    if (!in(problem_.near)) continue;
-    cost += options_.near_weight;
-    if (problem_.wake != nullptr && in(problem_.wake)) cost += options_.wake_weight;
-    if (!in(problem_.blocked)) continue;
-    if (!leaving(depth, static_cast<int>(i))) return -1.0;
-    cost += blocked_weight((depth + (static_cast<double>(i) + 1.0) / kSamples) * tau_, in(problem_.tight),
-                           in(problem_.contact));
+  if (any(words.blocked)) {
+    if (!start_blocked_ && !problem_.emergency) return -1.0;
+    for (std::size_t i = 0; i < kSamples; ++i) {
+      const std::uint64_t bit = words.blocked[i] & z.in_window[i];
+      if (bit == 0) continue;
+      if (!leaving(depth, static_cast<int>(i))) return -1.0;
+      cost += blocked_weight((depth + (static_cast<double>(i) + 1.0) / kSamples) * tau_,
+                             (problem_.tight->words[words.index[i]] & bit) != 0,
+                             (problem_.contact->words[words.index[i]] & bit) != 0);
+    }
   }
+  int near = 0, wake = 0;
+  for (std::size_t i = 0; i < kSamples; ++i) {
+    near += (words.near[i] & z.in_window[i]) != 0;
+    wake += (words.wake[i] & z.in_window[i]) != 0;
+  }
+  cost += near * options_.near_weight + wake * options_.wake_weight;
   return cost * tau_ / kSamples;
 }
 

@@ -2,6 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+
+#include "map_daemon/wide.h"
 
 namespace swarm {
 namespace {
@@ -16,6 +19,38 @@ double distance_from_chord(const ControlPoints& points) {
     distance2 = std::max(distance2, (offset - s * along).squaredNorm());
   }
   return std::sqrt(distance2);
+}
+
+struct Capsule {
+  Eigen::Vector3d along;  // its axis
+  double radius_m;
+};
+
+// Where columns meet a capsule, n of them from `offset` from the axis' start on, seen from above: from low[i] to
+// high[i] [m] above the start; low > high where they do not. A column meets the capsule where it meets the spheres
+// around the axis: at share s of it from z - w to z + w, w^2 = radius^2 - (distance from above)^2. Both are extreme
+// where the derivative by s vanishes, or at the nearest end of the axis.
+SWARM_WIDE void cut_columns(const Capsule& capsule, const Eigen::Vector2d& offset, double step_m, std::size_t n,
+                            double* __restrict low, double* __restrict high) {
+  const double ax = capsule.along.x(), ay = capsule.along.y(), az = capsule.along.z();
+  const double level2 = std::max(ax * ax + ay * ay, 1e-12), per_level2 = 1.0 / level2;
+  const double steepness = az / std::sqrt(level2 * (level2 + az * az));
+  const double radius2 = capsule.radius_m * capsule.radius_m;
+  const auto clamp = [](double share) { return std::min(std::max(share, 0.0), 1.0); };
+  for (std::size_t i = 0; i < n; ++i) {
+    const double x = offset.x(), y = offset.y() + static_cast<double>(static_cast<std::int32_t>(i)) * step_m;
+    const double nearest = (x * ax + y * ay) * per_level2;
+    const double off_x = x - nearest * ax, off_y = y - nearest * ay;
+    const double wide2 = radius2 - (off_x * off_x + off_y * off_y);
+    const double extreme = steepness * std::sqrt(std::max(wide2, 0.0));
+    const double s_low = clamp(nearest - extreme), s_high = clamp(nearest + extreme);
+    const double away_low = s_low - nearest, away_high = s_high - nearest, end = clamp(nearest) - nearest;
+    const double w_low = std::sqrt(std::max(wide2 - level2 * away_low * away_low, 0.0));
+    const double w_high = std::sqrt(std::max(wide2 - level2 * away_high * away_high, 0.0));
+    const bool meets = wide2 >= level2 * end * end;
+    low[i] = meets ? s_low * az - w_low : std::numeric_limits<double>::infinity();
+    high[i] = s_high * az + w_high;
+  }
 }
 
 }  // namespace
@@ -41,32 +76,17 @@ void SweptVolumes::mark_capsule(const Eigen::Vector3d& from, const Eigen::Vector
   const Patch patch{{low.head<2>(), high.head<2>()}, words_.size()};
   words_.resize(words_.size() + row_of(patch) * static_cast<std::size_t>(high.x() - low.x() + 1), 0);
   patches_[static_cast<std::size_t>(frame)].push_back(patch);
-  // The column at `offset` from the axis' start, seen from above, meets the capsule where it meets the spheres around
-  // the axis: at share s of it from z - w to z + w, w^2 = radius^2 - (distance from above)^2. Both are extreme where
-  // the derivative by s vanishes, or at the nearest end of the axis.
+  const auto width = static_cast<std::size_t>(patch.columns.width());
+  low_m_.resize(width);
+  high_m_.resize(width);
+  const Capsule capsule{to - from, radius_m};
+  const double per_m = 1.0 / grid_.resolution_m, bottom = from.z() * per_m - 0.5 - grid_.origin.z();
   std::uint64_t* column = words_.data() + patch.first;
-  const Eigen::Vector3d along = to - from;
-  const double level2 = std::max(along.head<2>().squaredNorm(), 1e-12), radius2 = radius_m * radius_m;
-  const double steepness = along.z() / std::sqrt(level2 * (level2 + along.z() * along.z()));
-  const double per_m = 1.0 / grid_.resolution_m, per_level2 = 1.0 / level2;
   for (int x = low.x(); x <= high.x(); ++x) {
-    for (int y = low.y(); y <= high.y(); ++y, column += words) {
-      const Eigen::Vector2d offset = grid_.center_of({x, y, 0}).head<2>() - from.head<2>();
-      const double nearest = offset.dot(along.head<2>()) * per_level2;
-      const double wide2 = radius2 - (offset - nearest * along.head<2>()).squaredNorm();
-      const double end = std::clamp(nearest, 0.0, 1.0) - nearest;
-      if (wide2 < level2 * end * end) continue;
-      const double extreme = steepness * std::sqrt(wide2);
-      const auto reach = [&](double side) {  // [voxels]
-        const double s = std::clamp(nearest + side * extreme, 0.0, 1.0), off = s - nearest;
-        const double wide_m = std::sqrt(std::max(0.0, wide2 - level2 * off * off));
-        return (from.z() + s * along.z() + side * wide_m) * per_m - 0.5 - grid_.origin.z();
-      };
-      const double lowest = std::max<double>(reach(-1.0), low.z());  // >= 0
-      const int bottom = static_cast<int>(lowest) + (lowest > static_cast<int>(lowest) ? 1 : 0);
-      const int top = static_cast<int>(std::min<double>(reach(1.0), high.z()) + 1.0) - 1;  // may be -1
-      for (int z = bottom; z <= top; ++z) column[z >> 6] |= std::uint64_t{1} << (z & 63);
-    }
+    const Eigen::Vector2d offset = grid_.center_of({x, low.y(), 0}).head<2>() - from.head<2>();
+    cut_columns(capsule, offset, grid_.resolution_m, width, low_m_.data(), high_m_.data());
+    for (std::size_t y = 0; y < width; ++y, column += words)
+      set_run(bottom + low_m_[y] * per_m, bottom + high_m_[y] * per_m, grid_.size.z(), column);
   }
 }
 

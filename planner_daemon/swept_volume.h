@@ -40,6 +40,7 @@ class SweptVolumes {
   std::int64_t start_utime_ = 0, frame_duration_us_ = 1;
   std::vector<std::vector<Patch>> patches_;  // by frame
   std::vector<std::uint64_t> words_;
+  std::vector<double> low_m_, high_m_;  // where a row of columns meets a capsule
 };
 
 // An SOGM with the peers' swept volumes drawn in.

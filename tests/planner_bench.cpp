@@ -1,6 +1,5 @@
-// planner_bench: how long the numerical steps take on inputs recorded from flights; `planner_bench --problems FILE`
-// solves stored problems of the trajectory optimisation; `planner_bench --growth FILE` shows how plans take longer with
-// more work.
+// planner_bench: how long plans take in flight, and the numerical steps on planning requests recorded from flights;
+// stored problems of the trajectory optimisation, and how plans take longer with more work, by its options.
 #include <benchmark/benchmark.h>
 
 #include <algorithm>
@@ -8,11 +7,11 @@
 #include <cmath>
 #include <cstdio>
 #include <cstring>
-#include <fstream>
 #include <functional>
 #include <iostream>
 #include <map>
 #include <memory>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -23,11 +22,15 @@
 #include "tests/bench_growth.h"
 #include "tests/bench_inputs.h"
 #include "tests/qp_problems.h"
+#include "tests/random_motion.h"
 
 namespace swarm {
 namespace {
 
-constexpr int kRounds = 8;  // over all inputs
+constexpr int kRounds = 8;                 // over all inputs
+constexpr std::size_t kMostRequests = 64;  // of a log
+constexpr double kFullVolumeGap = 0.01;    // of FIRI's ellipsoids: as good as the largest
+constexpr int kVolumePoints = 2000;
 
 double now_us() {
   return 1e-3 * static_cast<double>(std::chrono::duration_cast<std::chrono::nanoseconds>(
@@ -50,12 +53,12 @@ double timed_us(const Call& call) {
 // several values when the step is taken several times, as corridors are.
 using Step = std::function<void(const PlanInput&, std::vector<double>*)>;
 
-void run_step(benchmark::State& state, const RecordedFlight& flight, const Step& step) {
+void run_step(benchmark::State& state, const RecordedRequests& requests, const Step& step) {
   std::vector<double> samples_us;
   std::size_t next = 0;
   for (auto _ : state) {
     const std::size_t before = samples_us.size();
-    step(*flight.inputs[next++ % flight.inputs.size()], &samples_us);
+    step(*requests.inputs[next++ % requests.inputs.size()], &samples_us);
     double sum_us = 0.0;
     for (std::size_t i = before; i < samples_us.size(); ++i) sum_us += samples_us[i];
     state.SetIterationTime(1e-6 * sum_us);
@@ -82,8 +85,8 @@ const std::map<std::string, Reference> kReference = {
 class Table : public benchmark::BenchmarkReporter {
  public:
   bool ReportContext(const Context&) override {
-    std::printf("%-44s %8s %9s %9s %9s %11s %11s %7s\n", "step", "calls", "p50 us", "p95 us", "p99 us", "authors p50",
-                "authors p99", "ratio");
+    std::printf("%-44s %8s %9s %9s %9s %11s %11s %7s\n", "step [us, unless it says so]", "calls", "p50", "p95", "p99",
+                "authors p50", "authors p99", "ratio");
     return true;
   }
   void ReportRuns(const std::vector<Run>& runs) override {
@@ -154,15 +157,17 @@ class Flights {
   std::vector<RunReport> reports_;
 };
 
-// All steps on one recorded flight. Every call comes after a whole plan, so that caches are as cold as in flight. The
-// requests lie so far apart that each plan makes its guidance anew, which in flight every fifth does.
+// All steps on one set of recorded requests. Every call comes after a whole plan, so that caches are as cold as in
+// flight. The requests lie so far apart that each plan makes its guidance anew, which in flight every fifth does.
 class Bench {
  public:
-  explicit Bench(const RecordedFlight& flight)
-      : flight_(flight),
-        planner_(flight.config, [] { return static_cast<std::int64_t>(1e3 * now_us()); }),
-        search_(usable(flight.config), flight.config.search),
-        corridors_(flight.config.limits.space_min, flight.config.limits.space_max, flight.config.corridor) {
+  explicit Bench(const RecordedRequests& requests)
+      : requests_(requests),
+        planner_(requests.config, [] { return static_cast<std::int64_t>(1e3 * now_us()); }),
+        search_(usable(requests.config), requests.config.search),
+        corridors_(requests.config.limits.space_min, requests.config.limits.space_max, requests.config.corridor),
+        full_corridors_(requests.config.limits.space_min, requests.config.limits.space_max,
+                        full(requests.config.corridor)) {
     add("plan", [this](const PlanInput& input, auto* us) {
       us->push_back(timed_us([&] { benchmark::DoNotOptimize(planner_.plan(input.request)); }));
     });
@@ -182,18 +187,28 @@ class Bench {
       us->push_back(timed_us([&] { planner_.build_cost_to_go(input.request); }));
     });
     add("corridor, per piece", [this](const PlanInput& input, auto* us) {
-      planner_.plan(input.request);
-      const SearchResult& path = planner_.path();
-      const std::int32_t piece_us = flight_.config.search.piece_us;
-      for (int k = 0; k < path.num_pieces; ++k) {
-        const auto index = static_cast<std::size_t>(k);
-        const ControlPoints piece = quintic_control_points(path.knots[index], path.knots[index + 1], 1e-6 * piece_us);
-        const std::int64_t from = input.request.start_utime + k * std::int64_t{piece_us};
-        us->push_back(timed_us([&] {
-          (void)corridors_.build(piece, planner_.occupancy(), flight_.config.zones.blocked_m(), from, from + piece_us,
-                                 &polytope_);
-        }));
-      }
+      for_each_piece(input, [&](const ControlPoints& piece, std::int64_t from) {
+        us->push_back(timed_us([&] { (void)build(&corridors_, piece, from, &polytope_); }));
+      });
+    });
+    // The share in each piece of what two full iterations would give, by random points in a box around both.
+    add("corridor's volume, % of full iterations", [this](const PlanInput& input, auto* share) {
+      for_each_piece(input, [&](const ControlPoints& piece, std::int64_t from) {
+        Polytope full;
+        if (build(&corridors_, piece, from, &polytope_) != FiriStatus::kGrown ||
+            build(&full_corridors_, piece, from, &full) != FiriStatus::kGrown)
+          return;
+        const double reach_m = requests_.config.corridor.reach_m;
+        const Eigen::Vector3d low = piece.rowwise().minCoeff().array() - reach_m;
+        const Eigen::Vector3d high = piece.rowwise().maxCoeff().array() + reach_m;
+        int inside = 0, inside_full = 0;
+        for (int i = 0; i < kVolumePoints; ++i) {
+          const Eigen::Vector3d point = in_box(rng_, low, high);
+          inside += polytope_.violation(point) <= 0.0;
+          inside_full += full.violation(point) <= 0.0;
+        }
+        if (inside_full > 0) share->push_back(100.0 * inside / inside_full);
+      });
     });
     add("optimise", [this](const PlanInput& input, auto* us) {
       const PlanResult& result = planner_.plan(input.request);
@@ -201,7 +216,7 @@ class Bench {
       const auto pieces = planner_.spline_problem().corridors.size();
       auto& solver = solvers_[pieces];
       if (!solver)
-        solver = std::make_unique<SplineQp>(5, std::vector<double>(pieces, 1e-6 * flight_.config.search.piece_us));
+        solver = std::make_unique<SplineQp>(5, std::vector<double>(pieces, 1e-6 * requests_.config.search.piece_us));
       us->push_back(timed_us([&] { (void)solver->solve(planner_.spline_problem(), &solution_); }));
     });
     add("dilate 0.3 m, whole", [this](const PlanInput& input, auto* us) {
@@ -228,11 +243,30 @@ class Bench {
     return limits;
   }
   void add(const std::string& name, const Step& step) {
-    const std::string title = name + ": " + flight_.name;
+    const std::string title = name + ": " + requests_.name;
     benchmark::RegisterBenchmark(title.c_str(),
-                                 [this, step](benchmark::State& state) { run_step(state, flight_, step); })
+                                 [this, step](benchmark::State& state) { run_step(state, requests_, step); })
         ->UseManualTime()
-        ->Iterations(static_cast<benchmark::IterationCount>(kRounds * flight_.inputs.size()));
+        ->Iterations(static_cast<benchmark::IterationCount>(kRounds * requests_.inputs.size()));
+  }
+  // Of a new plan: visit(control points, begin) for the pieces of the path.
+  template <class Visit>
+  void for_each_piece(const PlanInput& input, const Visit& visit) {
+    planner_.plan(input.request);
+    const SearchResult& path = planner_.path();
+    const std::int32_t piece_us = requests_.config.search.piece_us;
+    for (std::size_t k = 0; k < static_cast<std::size_t>(path.num_pieces); ++k) {
+      visit(quintic_control_points(path.knots[k], path.knots[k + 1], 1e-6 * piece_us),
+            input.request.start_utime + static_cast<std::int64_t>(k) * piece_us);
+    }
+  }
+  FiriStatus build(CorridorBuilder* corridors, const ControlPoints& piece, std::int64_t from, Polytope* polytope) {
+    return corridors->build(piece, planner_.occupancy(), requests_.config.zones.blocked_m(), from,
+                            from + requests_.config.search.piece_us, polytope);
+  }
+  static CorridorOptions full(CorridorOptions options) {
+    options.log_volume_gap = kFullVolumeGap;
+    return options;
   }
   double search_us(const PlanInput& input) {
     planner_.plan(input.request);
@@ -241,11 +275,11 @@ class Bench {
     return timed_us([&] { (void)search_.find(problem, &path_); });
   }
 
-  const RecordedFlight& flight_;
+  const RecordedRequests& requests_;
   Planner planner_;
   KinodynamicSearch search_;
   SearchResult path_;
-  CorridorBuilder corridors_;
+  CorridorBuilder corridors_, full_corridors_;
   Polytope polytope_;
   std::map<std::size_t, std::unique_ptr<SplineQp>> solvers_;  // by number of pieces
   SplineSolution solution_;
@@ -255,16 +289,15 @@ class Bench {
   SogmAssembler assembler_;
   Sogm decoded_;
   std::int64_t sequence_ = 0;
+  Rng rng_{1};
 };
 
 // One JSON line each: name, status, jerk_integral, violation, time_us (the median of nine calls of a warm solver).
-int solve_problems(const std::string& path) {
-  std::ifstream file(path);
-  if (!file) throw std::runtime_error("cannot be read");
+void solve_problems(const std::string& path) {
   std::map<std::pair<int, std::vector<double>>, SplineQp> solvers;
   std::vector<double> times_us;
   int solved = 0;
-  for (const StoredQp& stored : read_qp_problems(file)) {
+  for (const StoredQp& stored : read_qp_problems(path)) {
     SplineQp& solver =
         solvers.try_emplace({stored.degree, stored.durations_s}, stored.degree, stored.durations_s).first->second;
     SplineSolution solution;
@@ -281,48 +314,53 @@ int solve_problems(const std::string& path) {
     times_us.push_back(quantile(calls_us, 0.5));
     solved += status == SplineStatus::kSolved;
   }
-  if (times_us.empty()) throw std::runtime_error("holds no problem");
   std::sort(times_us.begin(), times_us.end());
   std::fprintf(stderr, "%zu problems, %d solved; p50 %.1f us, p95 %.1f us, p99 %.1f us, largest %.1f us\n",
                times_us.size(), solved, quantile(times_us, 0.5), quantile(times_us, 0.95), quantile(times_us, 0.99),
                times_us.back());
-  return 0;
 }
 
 constexpr const char* kUsage =
-    "Usage: planner_bench [--benchmark_filter=REGEX]\n"
-    "       planner_bench --problems FILE.jsonl\n"
-    "       planner_bench --growth FILE.csv\n"
-    "Without arguments: how long plans and maps take in lock-step flights with 50 obstacles, and each numerical\n"
-    "step on the planning requests of one robot in two of them (20 and 50 columns), beside the authors' public code.\n"
-    "  --problems FILE  solves stored problems of the trajectory optimisation and prints one JSON line each\n"
-    "  --growth FILE    times plans with ever more obstacles, peers, horizon and resolution; the table goes to FILE\n";
+    "How long plans and maps take in lock-step flights with 50 obstacles, and each numerical step on stored planning\n"
+    "requests: of two flights, and of searches that got stuck; beside the authors' public code.";
 
 int bench(int argc, char** argv) {
-  if (argc == 3 && std::strcmp(argv[1], "--problems") == 0) {
-    try {
-      return solve_problems(argv[2]);
-    } catch (const std::exception& error) {
-      throw std::runtime_error(std::string(argv[2]) + ": " + error.what());
-    }
-  }
-  if (argc == 3 && std::strcmp(argv[1], "--growth") == 0) {
-    measure_growth(argv[2]);
-    return 0;
-  }
-  if (argc == 2 && (std::strcmp(argv[1], "--help") == 0 || std::strcmp(argv[1], "-h") == 0)) {
-    std::cout << kUsage;
-    return 0;
-  }
-  benchmark::Initialize(&argc, argv);
-  if (argc > 1) throw std::runtime_error(std::string("unknown argument ") + argv[1] + "\n" + kUsage);
-  std::fprintf(stderr, "planner_bench: flying two worlds for their inputs\n");
-  std::vector<std::unique_ptr<RecordedFlight>> flights;
+  std::string problems, growth, log, planner_config, record;
+  OptionSet options("planner_bench", kUsage);
+  options.add("problems", &problems,
+              "only solve the problems of the trajectory optimisation in this JSONL file; prints one JSON line each");
+  options.add(
+      "growth", &growth,
+      "only time plans with ever more obstacles, peers, horizon and resolution; the table goes to this CSV file");
+  options.add("log", &log, "only the steps, on the requests in this LCM log of a robot's onboard bus");
+  options.add("planner-config", &planner_config, "of the planner_daemon that log belongs to; none: its defaults");
+  options.add("record", &record, "only fly and store the requests again, in this directory");
+  const auto is_own = [](const char* argument) { return std::strncmp(argument, "--benchmark_", 12) != 0; };
+  char** const others = std::stable_partition(argv + 1, argv + argc, is_own);
+  std::vector<char*> own(argv, others), google(1, argv[0]);
+  google.insert(google.end(), others, argv + argc);
+  if (options.parse(static_cast<int>(own.size()), own.data(), std::cout) == OptionSet::Parsed::kExit) return 0;
+  if (!problems.empty()) return solve_problems(problems), 0;
+  if (!growth.empty()) return measure_growth(growth), 0;
+  if (!record.empty()) return record_requests(record), 0;
+
+  int num_google = static_cast<int>(google.size());
+  benchmark::Initialize(&num_google, google.data());
+  if (num_google > 1) throw OptionError(std::string("unknown argument ") + google[1]);
+  std::vector<std::unique_ptr<RecordedRequests>> requests;
   std::vector<std::unique_ptr<Bench>> benches;
-  const Flights in_flight(50);
-  for (const int obstacles : {20, 50}) {
-    flights.push_back(std::make_unique<RecordedFlight>(record_flight("cross", "pure", obstacles, 1, 6)));
-    benches.push_back(std::make_unique<Bench>(*flights.back()));
+  std::optional<Flights> in_flight;
+  const auto add = [&](const std::filesystem::path& path, const PlannerNodeConfig& config) {
+    requests.push_back(std::make_unique<RecordedRequests>(read_requests(path, config, kMostRequests)));
+    benches.push_back(std::make_unique<Bench>(*requests.back()));
+  };
+  if (!log.empty()) {
+    add(log, read_planner_config(planner_config));
+  } else {
+    in_flight.emplace(50);
+    const std::filesystem::path stored = SWARM_SOURCE_DIR "/tests/requests";
+    for (const char* name : {"20_columns", "50_columns", "stuck"})
+      add(stored / (std::string(name) + ".lcm"), read_planner_config(stored / "planner.cfg"));
   }
   Table table;
   benchmark::RunSpecifiedBenchmarks(&table);

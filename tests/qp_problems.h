@@ -1,7 +1,7 @@
 // Stored problems of the trajectory optimisation, one JSON line each, as `planner_bench --problems` takes them.
 #pragma once
 
-#include <istream>
+#include <fstream>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 #include <string>
@@ -21,8 +21,10 @@ struct StoredQp {
 
 // {"name", "degree", "durations_s": [...], "v_max", "a_max", "start": {"p", "v", "a"}, "end": {...},
 //  "corridors": [{"A": [[x, y, z], ...], "b": [...]}, ...]}; A x <= b, one corridor per piece. Throws
-// std::runtime_error with line number and reason.
-inline std::vector<StoredQp> read_qp_problems(std::istream& in) {
+// std::runtime_error with path, line number and reason.
+inline std::vector<StoredQp> read_qp_problems(const std::string& path) {
+  std::ifstream in(path);
+  if (!in) throw std::runtime_error(path + ": cannot be read");
   const auto vector = [](const nlohmann::json& j) {
     if (j.size() != 3) throw std::runtime_error("a vector must have 3 components, has " + std::to_string(j.size()));
     return Eigen::Vector3d(j.at(0), j.at(1), j.at(2));
@@ -59,9 +61,10 @@ inline std::vector<StoredQp> read_qp_problems(std::istream& in) {
       }
       problems.push_back(std::move(stored));
     } catch (const std::exception& error) {
-      throw std::runtime_error("line " + std::to_string(number) + ": " + error.what());
+      throw std::runtime_error(path + ": line " + std::to_string(number) + ": " + error.what());
     }
   }
+  if (problems.empty()) throw std::runtime_error(path + ": holds no problem");
   return problems;
 }
 

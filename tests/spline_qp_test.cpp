@@ -633,9 +633,8 @@ TEST(SplineQp, RefusesBadArgumentsByName) {
 TEST(SplineQp, StoredCorridorProblems) {
   const std::filesystem::path path = SWARM_SHARED_DIR "/data/qp/problems.jsonl";
   if (!std::filesystem::exists(path)) GTEST_SKIP() << path << " is absent";
-  std::ifstream file(path);
   int solved = 0, infeasible = 0;
-  for (const auto& [json, name, degree, durations, problem] : read_qp_problems(file)) {
+  for (const auto& [json, name, degree, durations, problem] : read_qp_problems(path)) {
     SCOPED_TRACE(name);
     SplineQp qp(degree, durations);
     SplineSolution solution;
