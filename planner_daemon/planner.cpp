@@ -136,16 +136,18 @@ SearchStatus Planner::search(const PlanRequest& request) {
   problem.cost_to_go = &cost_to_go_;
   in_danger_ = zones_.blocked_at(problem.start.position, request.start_utime);
   if (in_danger_) zones_.enter_emergency();
-  problem.fine = problem.emergency = false;
+  problem.fine = looks_finer_;
+  problem.emergency = false;
   SearchStatus status = search_.find(problem, &path_);
   result_.expansions = path_.expansions;
-  if (path_.settled) {  // stuck: look again with finer steps
-    problem.fine = true;
-    const SearchStatus fine_status = search_.find(problem, &fine_path_);
-    result_.expansions += fine_path_.expansions;
-    if (fine_status != SearchStatus::kPartial || status == SearchStatus::kPartial) {
-      std::swap(path_, fine_path_);
-      status = fine_status;
+  looks_finer_ = !problem.fine && path_.settled;
+  if (status == SearchStatus::kPartial) {  // nothing survives: the other steps at once
+    problem.fine = !problem.fine;
+    const SearchStatus other_status = search_.find(problem, &other_path_);
+    result_.expansions += other_path_.expansions;
+    if (other_status != SearchStatus::kPartial) {
+      std::swap(path_, other_path_);
+      status = other_status;
     }
   }
   // Stuck now, but an earlier search knew better: what it found is not dropped.

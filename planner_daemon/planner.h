@@ -86,8 +86,9 @@ class Planner {
   CostToGo cost_to_go_;
   KinodynamicSearch search_, quick_search_;
   std::int32_t quick_piece_us_;
-  bool keeps_own_ = false;  // the search got stuck, and the own motion ends nearer to the goal
-  bool in_danger_ = false;  // starts in blocked space, or nothing survives
+  bool looks_finer_ = false;  // the newest search got stuck: the next one takes finer steps
+  bool keeps_own_ = false;    // the search got stuck, and the own motion ends nearer to the goal
+  bool in_danger_ = false;    // starts in blocked space, or nothing survives
   CorridorBuilder corridors_;
   std::vector<SplineQp> optimizers_;  // [n - 1]: for n pieces
   SplineProblem problem_;
@@ -108,7 +109,7 @@ class Planner {
   bool is_guided_ = false;
   Made guidance_made_, cost_to_go_made_;
   SearchProblem search_problem_;  // refers to the zones and the cost to go
-  SearchResult path_, fine_path_, quick_path_;
+  SearchResult path_, other_path_, quick_path_;
   PlanResult result_;
 };
 

@@ -398,5 +398,24 @@ TEST(PlannerBench, SolvesStoredProblems) {
   expect_complaint({"planner_bench", "--growth", none}, {none, "cannot be written"});
 }
 
+// The steps of planning on a stored set of requests, and on bad ones.
+TEST(PlannerBench, TimesTheRequestsOfALog) {
+  const std::string stored = SWARM_SOURCE_DIR "/tests/requests/", log = stored + "20_columns.lcm";
+  const Finished timed = run_program({"planner_bench", "--log", log, "--planner-config", stored + "planner.cfg",
+                                      "--benchmark_filter=^(search|optimise)"});
+  EXPECT_EQ(timed.exit_code, 0) << timed.err;
+  for (const char* row : {"search: 20_columns", "search, per node: 20_columns", "optimise: 20_columns"})
+    EXPECT_NE(timed.out.find(row), std::string::npos) << timed.out;
+  EXPECT_EQ(timed.out.find("dilate"), std::string::npos);
+
+  TemporaryDirectory directory;
+  const std::string empty = directory / "empty.lcm";
+  write_text(empty, "");
+  expect_complaint({"planner_bench", "--log", empty}, {empty, "no map"});
+  expect_complaint({"planner_bench", "--log", directory / "none"}, {"none", "cannot be opened"});
+  expect_complaint({"planner_bench", "--log", log, "--planner-config", directory / "none"}, {"none"});
+  expect_complaint({"planner_bench", "--speed", "1"}, {"speed"});
+}
+
 }  // namespace
 }  // namespace swarm::test

@@ -409,6 +409,29 @@ TEST(PlannerTest, GuidanceServesPlansForAWhile) {
   EXPECT_EQ(detour_s(kStart, false, {4.5, 0.2, 0.1}), 0.0);
 }
 
+// In a closed cage the search is stuck: it takes finer steps in every other plan, and usual ones again in the open.
+TEST(PlannerTest, AStuckSearchTakesFinerStepsInTurns) {
+  Planner planner(flat_config());
+  std::int64_t utime = kStart;
+  const auto takes_finer_steps = [&](bool caged) {
+    Sogm sogm = map_at(utime += 50'000);
+    for (const double side : {-1.4, 1.2}) {
+      if (caged) mark_box(&sogm, {side, -1.4, -9}, {side + 0.2, 1.4, 9});
+      if (caged) mark_box(&sogm, {-1.4, side, -9}, {1.4, side + 0.2, 9});
+    }
+    const PlanResult& result = planner.plan(make_request(sogm, hovering({0.03, 0.03, 0.02}), {4.5, 0.1, 0.1}));
+    EXPECT_EQ(result.search_status, SearchStatus::kSurvives);
+    EXPECT_LE(result.expansions, SearchOptions().max_expansions);
+    return planner.search_problem().fine;
+  };
+  EXPECT_FALSE(takes_finer_steps(true));
+  EXPECT_TRUE(takes_finer_steps(true));
+  EXPECT_FALSE(takes_finer_steps(true));
+  EXPECT_TRUE(takes_finer_steps(false));
+  EXPECT_FALSE(takes_finer_steps(false));
+  EXPECT_FALSE(takes_finer_steps(false));
+}
+
 // A wall appears in front of the robot: the cost to go knows of it in the maps themselves, but serves for two of them.
 TEST(PlannerTest, CostToGoServesTheNextMap) {
   Planner planner(flat_config());
