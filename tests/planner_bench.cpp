@@ -191,8 +191,8 @@ class Bench {
         us->push_back(timed_us([&] { (void)build(&corridors_, piece, from, &polytope_); }));
       });
     });
-    // The share in each piece of what two full iterations would give, by random points in a box around both.
-    add("corridor's volume, % of full iterations", [this](const PlanInput& input, auto* share) {
+    // How much of what two full iterations would give each piece lacks, by random points in a box around both.
+    add("corridor lacks of full volume [%]", [this](const PlanInput& input, auto* lack) {
       for_each_piece(input, [&](const ControlPoints& piece, std::int64_t from) {
         Polytope full;
         if (build(&corridors_, piece, from, &polytope_) != FiriStatus::kGrown ||
@@ -207,7 +207,7 @@ class Bench {
           inside += polytope_.violation(point) <= 0.0;
           inside_full += full.violation(point) <= 0.0;
         }
-        if (inside_full > 0) share->push_back(100.0 * inside / inside_full);
+        if (inside_full > 0) lack->push_back(100.0 - 100.0 * inside / inside_full);
       });
     });
     add("optimise", [this](const PlanInput& input, auto* us) {
