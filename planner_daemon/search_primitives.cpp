@@ -48,7 +48,7 @@ SWARM_WIDE void KinodynamicSearch::place(const SampleWeights& weights, const Axi
   }
   for (std::size_t i = 0; i < kSamples; ++i) {
     const auto known = -static_cast<std::int32_t>((voxel[i] >= 0) & (voxel[i] < grid.size));  // all ones or 0
-    out->offset[i] = (voxel[i] >> grid.shift) * grid.stride & known;
+    out->offset[i] = ((voxel[i] & known) >> grid.shift) * grid.stride;
     const std::uint64_t bit = std::uint64_t{1} << (voxel[i] & 63);
     out->in_window[i] = (bit | grid.whole_words) & static_cast<std::uint64_t>(std::int64_t{known});
   }
