@@ -12,6 +12,8 @@ struct FlightArguments {
   double time_limit_s = 60.0;
   double sensor_rate_hz = 20.0;
   std::string map_config, planner_config, broadcast_config;  // files; empty: defaults
+  LinkOptions link;                                          // without its outages
+  std::string outages;                                       // as parse_outages() takes them
 };
 
 void declare(OptionSet& options, FlightArguments& arguments);

@@ -20,6 +20,13 @@ std::int64_t steady_ns() {
       .count();
 }
 
+// Other worlds, other losses (FNV-1a).
+std::uint64_t seed_of(const std::string& name) {
+  std::uint64_t seed = 0xcbf29ce484222325ULL;
+  for (const char c : name) seed = (seed ^ static_cast<unsigned char>(c)) * 0x100000001b3ULL;
+  return seed;
+}
+
 using Bytes = std::shared_ptr<const std::vector<std::uint8_t>>;
 
 // Runs nodes and simulation; the order of places (0: the simulation, then three per robot) breaks ties of time.
@@ -27,7 +34,11 @@ class LockstepHost {
  public:
   LockstepHost(const World& world, const OccupiedCubes* static_map, const FlightOptions& options,
                const LockstepDelays& delays, BusLog* logs, TraceWriter* trace)
-      : world_(world), delays_(delays), logs_(logs), simulation_(world, static_map, options, trace) {
+      : world_(world),
+        delays_(delays),
+        link_(options.link, seed_of(world.name)),
+        logs_(logs),
+        simulation_(world, static_map, options, trace) {
     const auto boot = static_cast<std::int32_t>(kEpoch_us / 1'000'000);
     for (const WorldRobot& robot : world.robots) {
       robots_.emplace_back(world, robot, options, boot);
@@ -121,8 +132,18 @@ class LockstepHost {
     const auto heard = listeners.find(channel);
     if (heard == listeners.end()) return;
     const auto shared = std::make_shared<const std::vector<std::uint8_t>>(bytes.begin(), bytes.end());
+    const double t_s = 1e-6 * static_cast<double>(now_us_ - kEpoch_us);
     for (const std::size_t place : heard->second) {
-      events_.push({now_us_ + delay, place, sequence_++, bus, std::string(channel), shared});
+      const auto arrive = [&](std::int64_t later_us) {
+        events_.push({now_us_ + delay + later_us, place, sequence_++, bus, std::string(channel), shared});
+      };
+      const std::size_t receiver = places_[place].robot;
+      if (!swarm || receiver == robot) {
+        arrive(0);
+      } else {
+        for (const std::int64_t later_us : link_.deliveries(world_.robots[robot].id, world_.robots[receiver].id, t_s))
+          arrive(later_us);
+      }
     }
   }
 
@@ -214,6 +235,7 @@ class LockstepHost {
 
   const World& world_;
   LockstepDelays delays_;
+  LinkModel link_;
   BusLog* logs_;
   Simulation simulation_;
   std::int64_t sensor_period_us_ = 0;

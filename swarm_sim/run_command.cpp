@@ -81,8 +81,11 @@ RunReport fly(const RunOptions& run, const World& world, const OccupiedCubes* st
     if (interrupted != 0) throw Interrupted();
   }
   line.done();
-  report.options = {{"time-limit", text_of(run.flight.time_limit_s)},
-                    {"sensor-rate", text_of(run.flight.sensor_rate_hz)}};
+  report.options = {
+      {"time-limit", text_of(run.flight.time_limit_s)}, {"sensor-rate", text_of(run.flight.sensor_rate_hz)},
+      {"link-delay-ms", text_of(flight.link.delay_ms)}, {"link-jitter-ms", text_of(flight.link.jitter_ms)},
+      {"link-loss", text_of(flight.link.loss)},         {"link-duplicate", text_of(flight.link.duplicate)},
+      {"link-reorder", text_of(flight.link.reorder)},   {"link-outage", run.flight.outages}};
   return report;
 }
 
@@ -93,7 +96,9 @@ int run_command(int argc, const char* const* argv) try {
   OptionSet options("swarm_sim run", "Flies a world to its end and judges the flight by exact geometry.");
   declare(options, run);
   if (options.parse(argc, argv, std::cout) == OptionSet::Parsed::kExit) return 0;
-  (void)flight_options(run.flight);  // bad input is found before anything is made
+  const FlightOptions flight = flight_options(run.flight);  // bad input is found before anything is made
+  if (run.mode == "processes" && !flight.link.perfect())
+    throw OptionError("--link-...: only with --mode lockstep; between processes the network is what it is");
 
   const World world = read_listed_world(run.world);
   std::optional<OccupiedCubes> static_map;

@@ -11,6 +11,7 @@
 #include "planner_daemon/broadcast_node.h"
 #include "planner_daemon/planner_node.h"
 #include "swarm_sim/judge.h"
+#include "swarm_sim/link_model.h"
 #include "swarm_sim/recorder.h"
 #include "swarm_sim/world.h"
 
@@ -24,6 +25,7 @@ struct FlightOptions {
   MapConfig map;
   PlannerNodeConfig planner;
   BroadcastConfig broadcast;
+  LinkOptions link;  // between robots
 };
 
 // The daemons' configurations for one robot of a world.

@@ -110,6 +110,9 @@ TEST(RunCommand, BadOptionsAreRefusedByNameValueAndRule) {
   expect({"--time-limit"}, {"--time-limit"});
   expect({"--time-limit", "1", "--time-limit", "2"}, {"--time-limit", "twice"});
   expect({"--sensor-rate", "1000"}, {"--sensor-rate 1000", "[1, 100] Hz"});
+  expect({"--link-loss", "1.5"}, {"--link-loss 1.5", "[0, 1]"});
+  expect({"--link-outage", "1:3:2"}, {"--link-outage", "1:3:2", "ROBOT:FROM_S:TO_S"});
+  expect({"--mode", "processes", "--link-delay-ms", "5"}, {"--link-", "--mode lockstep"});
   expect({"--base-port", "80"}, {"--base-port 80", "[1024, 60000]"});
   expect({"--mode", "warp"}, {"--mode warp", "lockstep or processes"});
   expect({"--config", directory / "none.cfg"}, {"none.cfg", "cannot be read"});
