@@ -50,8 +50,9 @@ void declare(OptionSet& options, PlannerNodeConfig& config) {
   options.add("wake-weight", &planner.search.wake_weight, 0, 100, "",
               "cost of a second in an obstacle's wake, on top, in seconds of flight");
   options.add("corridor-reach", &planner.corridor.reach_m, 0.1, 10, "m", "how far a corridor reaches beyond its piece");
-  options.add("lead", &config.lead_s, 0.005, 2, "s",
-              "a plan leaves the committed motion this long after planning starts");
+  options.add(
+      "lead", &config.lead_s, 0.005, 2, "s",
+      "a plan leaves the committed motion at least this long after planning starts; longer where peers answer later");
   options.add("period", &config.period_s, 0, 10, "s", "least time between plans; every newer map is planned with");
   options.add("stale-map", &config.stale_map_s, 0.05, 10, "s", "an older map is not planned with");
   options.add("clock-limit", &config.clock_limit_s, 0.001, 10, "s", "messages from further in the future are refused");
@@ -124,8 +125,16 @@ Refusal PlannerNode::on_own(std::span<const std::uint8_t> bytes) {
   if (const Refusal refusal = decode(bytes, &message); refusal != Refusal::kNone) return refusal;
   if (message.header.robot_id != config_.robot_id) return Refusal::kRobot;
   if (const Refusal refusal = own_gate_.pass(message.header); refusal != Refusal::kNone) return refusal;
-  Trajectory announced;
-  read_announcement(message, &own_.emplace(), &announced);
+  const std::int32_t bound_to = own_ ? own_->next.seq() : 0;
+  const Trajectory waited = pending_;
+  read_announcement(message, &own_.emplace(), &pending_);
+  const auto since_plan_s = [this](std::int64_t utime) { return 1e-6 * static_cast<double>(utime - last_plan_us_); };
+  if (plans_ == 0) return Refusal::kNone;
+  if (!own_->next.empty() && own_->next.seq() != bound_to) {
+    commit_delay_.committed(since_plan_s(message.header.utime));
+  } else if (pending_.seq() != waited.seq() && !waited.empty() && message.header.utime >= waited.start_utime()) {
+    commit_delay_.missed(since_plan_s(waited.start_utime()));
+  }
   return Refusal::kNone;
 }
 
@@ -139,6 +148,7 @@ Refusal PlannerNode::on_peer(std::int64_t now_us, std::span<const std::uint8_t> 
     return refusal;
   PeerEntry& entry = peers_[id];
   if (const Refusal refusal = entry.gate.pass(message.header); refusal != Refusal::kNone) return refusal;
+  commit_delay_.heard(1e-6 * static_cast<double>(std::max<std::int64_t>(0, now_us - message.header.utime)));
   read_announcement(message, &entry.peer.motion, &entry.peer.announced);
   entry.peer.radius_m = message.radius;
   return Refusal::kNone;
@@ -158,9 +168,11 @@ std::int64_t PlannerNode::step(std::int64_t now_us, Outbox& outbox) {
   const bool stale = has_map && now_us - map_.start_utime > to_us(config_.stale_map_s);
   std::int64_t wake = std::max(next_status_us_, now_us + 1);
   if (map_is_new_ && own_ && !stale) {
-    // One plan at a time: a committed trajectory that has not begun yet is waited for.
+    // One plan at a time: one that has not begun yet is waited for, whether it is committed or announced.
     std::int64_t due = last_plan_us_ + to_us(config_.period_s);
-    if (!own_->next.empty()) due = std::max(due, own_->next.start_utime());
+    for (const Trajectory* coming : {&own_->next, &pending_}) {
+      if (!coming->empty()) due = std::max(due, coming->start_utime());
+    }
     if (now_us < due) {
       wake = std::min(wake, due);
     } else {
@@ -191,7 +203,7 @@ void PlannerNode::plan(std::int64_t now_us, Outbox& outbox) {
 
   request_.sogm = &map_;
   request_.own = *own_;
-  request_.start_utime = now_us + to_us(config_.lead_s);
+  request_.start_utime = now_us + to_us(std::max(config_.lead_s, commit_delay_.lead_s()));
   // Without a goal the robot holds its place, but steps aside like any other.
   if (!hold_) hold_ = own_->at(own_->end_utime()).position;
   request_.goal = goal_.value_or(*hold_);

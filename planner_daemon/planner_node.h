@@ -11,6 +11,7 @@
 #include "lcmtypes/bus/node.h"
 #include "lcmtypes/bus/option_set.h"
 #include "map_daemon/sogm_codec.h"
+#include "planner_daemon/commit_delay.h"
 #include "planner_daemon/planner.h"
 
 namespace swarm {
@@ -18,7 +19,7 @@ namespace swarm {
 struct PlannerNodeConfig {
   int robot_id = 0;
   PlannerConfig planner;
-  double lead_s = 0.035;       // a plan leaves the committed motion this long after planning starts
+  double lead_s = 0.035;       // a plan leaves the committed motion at least this long after planning starts
   double period_s = 0.04;      // least time between plans
   double stale_map_s = 0.35;   // an older SOGM is not planned with
   double clock_limit_s = 0.1;  // messages from further in the future are refused
@@ -64,6 +65,8 @@ class PlannerNode : public Node {
   Sogm map_;                 // the newest complete one
   bool map_is_new_ = false;  // not planned with yet
   std::optional<Motion> own_;
+  Trajectory pending_;  // of our plans: waits for acknowledgements; may be empty
+  CommitDelay commit_delay_;
   std::optional<Eigen::Vector3d> goal_;
   std::optional<Eigen::Vector3d> hold_;  // where it rested when planning began: the goal until there is one
   SequenceGate own_gate_, goal_gate_;

@@ -136,6 +136,87 @@ TEST(PlannerNode, StatusNamesAMissingGoal) {
   EXPECT_EQ(f.status().state, planner_status_t::kPlanning);
 }
 
+// What becomes of a plan: announced, then committed after `answer_s`, or withdrawn when it should begin.
+void carry_out(Fixture& f, double answer_s, bool commits) {
+  static std::int32_t seq = 100;
+  Trajectory plan = f.planned();
+  plan.set_seq(++seq);
+  const Trajectory hover = Trajectory::hover(1, f.now_us, kHome);
+  f.send(channel::kOwnTrajectory, f.announcement(kRobot, hover, plan, announcement_t::kAnnounced));
+  f.run_for(answer_s);
+  if (commits) {
+    f.send(channel::kOwnTrajectory, f.announcement(kRobot, hover, plan, announcement_t::kCommitted));
+  } else {
+    f.send(channel::kOwnTrajectory, f.announcement(kRobot, hover, {}, announcement_t::kNone));
+  }
+}
+
+double lead_s(Fixture& f) {
+  f.run_for(2.0);  // whatever was committed has begun
+  f.send_hover();
+  f.send_map();
+  return 1e-6 * static_cast<double>(f.planned().start_utime() - f.now_us);
+}
+
+TEST(PlannerNode, WaitsForAnAnnouncedPlan) {
+  PlannerNodeConfig config = Fixture::make_config();
+  config.lead_s = 0.3;
+  Fixture f(config);
+  f.start({2, 0, 1});
+  ASSERT_EQ(f.node.plans(), 1);
+  Trajectory plan = f.planned();
+  plan.set_seq(7);
+  const Trajectory hover = Trajectory::hover(1, f.now_us, kHome);
+  f.send(channel::kOwnTrajectory, f.announcement(kRobot, hover, plan, announcement_t::kAnnounced));
+  f.run_for(0.1);
+  f.send_map();
+  EXPECT_EQ(f.node.plans(), 1);
+  f.send(channel::kOwnTrajectory, f.announcement(kRobot, hover, {}, announcement_t::kNone));  // refused by a peer
+  f.run_for(0.01);
+  EXPECT_EQ(f.node.plans(), 2);
+
+  plan = f.planned();
+  plan.set_seq(8);
+  f.send(channel::kOwnTrajectory, f.announcement(kRobot, hover, plan, announcement_t::kAnnounced));
+  f.run_for(0.1);
+  f.send_map();
+  EXPECT_EQ(f.node.plans(), 2);
+  f.run_for(0.22);  // nothing more is heard: its time has passed
+  EXPECT_EQ(f.node.plans(), 3);
+}
+
+TEST(PlannerNode, PlansFartherAheadWherePeersAnswerLate) {
+  const double usual_s = Fixture::make_config().lead_s;
+  Fixture f;
+  f.start({2, 0, 1});
+  for (int i = 0; i < 10; ++i) {
+    carry_out(f, 0.005, true);
+    ASSERT_NEAR(lead_s(f), usual_s, 1e-6);
+  }
+  double lead = usual_s;
+  for (int i = 0; i < 12; ++i) {  // too late, until the plans begin late enough
+    const bool in_time = lead > 0.2;
+    carry_out(f, in_time ? 0.2 : lead + 0.01, in_time);
+    const double next = lead_s(f);
+    if (!in_time) {
+      EXPECT_NEAR(next, 1.25 * lead, 1e-3);
+    }
+    lead = next;
+  }
+  EXPECT_GT(lead, 0.2);
+  EXPECT_LT(lead, 0.5);
+  for (int i = 0; i < 40; ++i) {
+    carry_out(f, 0.005, true);
+    lead = lead_s(f);
+  }
+  EXPECT_NEAR(lead, usual_s, 0.01);
+  for (int i = 0; i < 40; ++i) {
+    carry_out(f, lead + 0.01, false);
+    lead = lead_s(f);
+  }
+  EXPECT_NEAR(lead, CommitDelay::kLongest_s, 1e-6);
+}
+
 TEST(PlannerNode, PlansOncePerNewMap) {
   Fixture f;
   f.send_hover();
