@@ -493,7 +493,7 @@ TEST(PlannerTest, SmoothingLowersTheJerkOfTheSearchedPathInsideItsCorridors) {
       for (int frame = 0; frame < sogm.num_frames; ++frame) still.words[i] &= sogm.column(frame, 0, 0)[i];
     }
     SearchProblem problem;
-    problem.fine = false;  // as the planner looks first
+    problem.fine = planner.search_problem().fine;  // after a plan that got stuck
     problem.start = start;
     problem.start_utime = request.start_utime;
     problem.goal = request.goal;
