@@ -40,13 +40,6 @@ void declare(OptionSet& set, CampaignOptions& options) {
   declare(set, options.flight);
 }
 
-std::vector<std::string> items_of(const std::string& list) {
-  std::vector<std::string> items;
-  std::istringstream in(list);
-  for (std::string item; std::getline(in, item, ',');) items.push_back(item);
-  return items;
-}
-
 std::vector<Trial> all_trials(const CampaignOptions& options) {
   std::vector<Trial> trials;
   if (!options.worlds.empty()) {
@@ -57,9 +50,9 @@ std::vector<Trial> all_trials(const CampaignOptions& options) {
     return trials;
   }
   std::set<std::string> names;
-  for (const std::string& task : items_of(options.tasks)) {
+  for (const std::string& task : split(options.tasks, ',')) {
     (void)task_from(task);
-    for (const std::string& environment : items_of(options.environments)) {
+    for (const std::string& environment : split(options.environments, ',')) {
       const bool empty = environment_from(environment) == Environment::kEmpty;
       for (const int obstacles : empty ? std::vector<int>{0} : options.obstacles) {
         for (int i = 0; i < options.trials; ++i) {

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "lcmtypes/bus/option_set.h"
+#include "swarm_sim/text.h"
 
 namespace swarm {
 namespace {
@@ -15,18 +16,6 @@ bool read_number(const std::string& text, Number* number) {
   const char* end = text.data() + text.size();
   const auto [stop, error] = std::from_chars(text.data(), end, *number);
   return error == std::errc() && stop == end && std::isfinite(static_cast<double>(*number)) && *number >= 0;
-}
-
-std::vector<std::string> split(const std::string& text, char separator) {
-  std::vector<std::string> parts(1);
-  for (const char c : text) {
-    if (c == separator) {
-      parts.emplace_back();
-    } else {
-      parts.back() += c;
-    }
-  }
-  return parts;
 }
 
 }  // namespace

@@ -63,9 +63,8 @@ class ProgressLine {
 
 volatile std::sig_atomic_t interrupted = 0;
 
-RunReport fly(const RunOptions& run, const World& world, const OccupiedCubes* static_map, BusLog* logs,
-              TraceWriter* trace) {
-  const FlightOptions flight = flight_options(run.flight);
+RunReport fly(const RunOptions& run, const FlightOptions& flight, const World& world, const OccupiedCubes* static_map,
+              BusLog* logs, TraceWriter* trace) {
   ProgressLine line;
   RunReport report;
   if (run.mode == "processes") {
@@ -118,7 +117,7 @@ int run_command(int argc, const char* const* argv) try {
     run.processes.out = out;
   }
   const RunReport report =
-      fly(run, world, static_map ? &*static_map : nullptr, logs ? &*logs : nullptr, trace ? &*trace : nullptr);
+      fly(run, flight, world, static_map ? &*static_map : nullptr, logs ? &*logs : nullptr, trace ? &*trace : nullptr);
   if (!run.out.empty()) {
     trace->close();
     logs->close();

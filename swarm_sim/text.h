@@ -11,6 +11,9 @@ std::string text_of(double value);                                     // 1.5
 std::string text_of(const Eigen::Ref<const Eigen::VectorXd>& values);  // [1,2.5,0]
 void append_fixed(double value, int decimals, std::string* text);      // always `decimals` digits after the point
 
+// What stands between the separators: one part more than there are of them.
+std::vector<std::string> split(const std::string& text, char separator);
+
 // Rows of right-aligned columns, each as wide as its widest cell. All rows have as many cells; at least one row.
 std::string aligned(const std::vector<std::vector<std::string>>& rows);
 
