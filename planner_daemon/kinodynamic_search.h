@@ -36,7 +36,7 @@ struct SearchOptions {
   double cell_mps = 0.9;  // closed set: velocity
   double slow_mps = 0.6;  // nodes slower than this on every axis manoeuvre in a narrow place: a third of the cells,
                           // and axes slower than half of it also a quarter of the acceleration
-  double effort_weight = 0.002;  // cost per |a|^2 [m^2/s^4] and second
+  double effort_weight = 0.072;  // cost per second of full acceleration, with its square, on each axis
   double near_weight = 0.4;      // cost per second spent in the near zone; well below 1, or narrow places are shunned
   double wake_weight = 1.0;      // cost per second spent in an obstacle's wake, on top
   double leave_s = 0.45;         // a robot that starts in blocked space may take this long to leave it

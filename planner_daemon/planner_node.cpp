@@ -52,7 +52,7 @@ void declare(OptionSet& options, PlannerNodeConfig& config) {
   options.add("corridor-reach", &planner.corridor.reach_m, 0.1, 10, "m", "how far a corridor reaches beyond its piece");
   options.add(
       "lead", &config.lead_s, 0.005, 2, "s",
-      "a plan leaves the committed motion at least this long after planning starts; longer where peers answer later");
+      "from the start of planning to the announcement; the plan begins later still by what the peers' answers take");
   options.add("period", &config.period_s, 0, 10, "s", "least time between plans; every newer map is planned with");
   options.add("stale-map", &config.stale_map_s, 0.05, 10, "s", "an older map is not planned with");
   options.add("clock-limit", &config.clock_limit_s, 0.001, 10, "s", "messages from further in the future are refused");
@@ -128,13 +128,12 @@ Refusal PlannerNode::on_own(std::span<const std::uint8_t> bytes) {
   const std::int32_t bound_to = own_ ? own_->next.seq() : 0;
   const Trajectory waited = pending_;
   read_announcement(message, &own_.emplace(), &pending_);
-  const auto since_plan_s = [this](std::int64_t utime) { return 1e-6 * static_cast<double>(utime - last_plan_us_); };
-  if (plans_ == 0) return Refusal::kNone;
   if (!own_->next.empty() && own_->next.seq() != bound_to) {
-    commit_delay_.committed(since_plan_s(message.header.utime));
+    commit_delay_.committed(1e-6 * static_cast<double>(message.header.utime - message.pending_stamp));
   } else if (pending_.seq() != waited.seq() && !waited.empty() && message.header.utime >= waited.start_utime()) {
-    commit_delay_.missed(since_plan_s(waited.start_utime()));
+    commit_delay_.missed(1e-6 * static_cast<double>(waited.start_utime() - pending_stamp_));
   }
+  pending_stamp_ = message.pending_stamp;
   return Refusal::kNone;
 }
 
@@ -203,7 +202,7 @@ void PlannerNode::plan(std::int64_t now_us, Outbox& outbox) {
 
   request_.sogm = &map_;
   request_.own = *own_;
-  request_.start_utime = now_us + to_us(std::max(config_.lead_s, commit_delay_.lead_s()));
+  request_.start_utime = now_us + to_us(config_.lead_s + commit_delay_.lead_s());
   // Without a goal the robot holds its place, but steps aside like any other.
   if (!hold_) hold_ = own_->at(own_->end_utime()).position;
   request_.goal = goal_.value_or(*hold_);

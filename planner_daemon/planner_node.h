@@ -19,7 +19,7 @@ namespace swarm {
 struct PlannerNodeConfig {
   int robot_id = 0;
   PlannerConfig planner;
-  double lead_s = 0.035;       // a plan leaves the committed motion at least this long after planning starts
+  double lead_s = 0.025;       // from the start of planning to the announcement of what came of it
   double period_s = 0.04;      // least time between plans
   double stale_map_s = 0.35;   // an older SOGM is not planned with
   double clock_limit_s = 0.1;  // messages from further in the future are refused
@@ -65,7 +65,8 @@ class PlannerNode : public Node {
   Sogm map_;                 // the newest complete one
   bool map_is_new_ = false;  // not planned with yet
   std::optional<Motion> own_;
-  Trajectory pending_;  // of our plans: waits for acknowledgements; may be empty
+  Trajectory pending_;              // of our plans: waits for acknowledgements; may be empty
+  std::int64_t pending_stamp_ = 0;  // when it was announced
   CommitDelay commit_delay_;
   std::optional<Eigen::Vector3d> goal_;
   std::optional<Eigen::Vector3d> hold_;  // where it rested when planning began: the goal until there is one

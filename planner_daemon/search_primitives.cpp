@@ -106,7 +106,7 @@ KinodynamicSearch::AxisOptions KinodynamicSearch::axis_options(int axis, const N
     option.velocity = v + tau_ / 3 * (a + 2 * a1);
     option.acceleration = a1;
     option.time_to_goal = axis_time(axis, option.position, option.velocity);
-    option.effort = options_.effort_weight * a1 * a1;
+    option.effort = options_.effort_weight * (a1 / limits_.a_max) * (a1 / limits_.a_max);
     option.cell = problem_.cost_to_go != nullptr ? problem_.cost_to_go->cell_of(step, axis, option.position) : -1;
   }
   return options;

@@ -83,7 +83,7 @@ class ExhaustiveSearch {
   // INFINITY when blocked.
   double piece_cost(const MotionState& from, const MotionState& to, int depth) const {
     const ControlPoints points = quintic_control_points(from, to, tau_);
-    double cost = tau_ * (1.0 + options_.effort_weight * to.acceleration.squaredNorm());
+    double cost = tau_ * (1.0 + options_.effort_weight * (to.acceleration / limits_.a_max).squaredNorm());
     for (int i = 1; i <= kSamples; ++i) {
       const Eigen::Vector3d p = evaluate_bezier(points, tau_, static_cast<double>(i) / kSamples).position;
       const std::int64_t since = (std::int64_t{depth} * kSamples + i) * options_.piece_us / kSamples;
