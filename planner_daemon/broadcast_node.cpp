@@ -3,20 +3,22 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <set>
 
 #include "lcmtypes/bus/channels.h"
 #include "map_daemon/portable_math.h"
-#include "planner_daemon/deconfliction.h"
 
 namespace swarm {
 namespace {
 
-using sogm_swarm::ack_t;
 using sogm_swarm::announcement_t;
 
 constexpr std::int64_t kMaxAge_us = 1'000'000;  // of messages from peers and planner
 constexpr std::int64_t kMaxBranchAhead_us = 2'000'000;
 constexpr std::int64_t kStatusPeriod_us = 1'000'000;
+constexpr std::int64_t kClockDoubt_us = 1'000'000;
+constexpr std::int64_t kLively_us = 300'000;  // after news
+constexpr double kResume_m = 0.5;             // a kept motion is gone on with where the robot is so close to it
 
 std::int64_t to_us(double seconds) {
   return std::llround(seconds * 1e6);
@@ -28,12 +30,6 @@ double wrap_angle(double angle) {
 
 }  // namespace
 
-const char* to_string(Rejection rejection) {
-  static constexpr const char* kNames[kNumRejections] = {"none", "no committed",  "waiting", "busy",
-                                                         "time", "discontinuous", "limits",  "conflict"};
-  return kNames[static_cast<int>(rejection)];
-}
-
 void declare(OptionSet& options, BroadcastConfig& config) {
   options.add("robot-id", &config.robot_id, 0, 32767, "", "this robot");
   options.add("roster", &config.roster, 0, 32767, "ids of all robots that fly; this one may be among them");
@@ -42,27 +38,34 @@ void declare(OptionSet& options, BroadcastConfig& config) {
   options.add("a-max", &config.a_max, 0.01, 1000, "m/s^2", "acceleration limit per axis");
   options.add("separation", &config.separation_m, 0, 10, "m", "kept between the surfaces of committed motions");
   options.add("announce-period", &config.announce_s, 0.005, 10, "s", "repetition of the announcement");
+  options.add("lively-period", &config.lively_s, 0.005, 10, "s",
+              "repetition right after news, which peers wait for and which may get lost");
+  options.add("swarm-rate", &config.swarm_rate_hz, 1, 100'000, "Hz",
+              "announcements of all robots of the roster together, at most");
   options.add("setpoint-rate", &config.setpoint_rate_hz, 1, 1000, "Hz", "of setpoints");
   options.add("yaw-rate-max", &config.yaw_rate_max, 0, 100, "rad/s",
               "how fast the robot turns into its direction of flight");
   options.add("clock-limit", &config.clock_limit_s, 0.001, 10, "s", "messages from further in the future are refused");
+  options.add("state-dir", &config.state_dir,
+              "directory where the robot's promises survive a crash of the daemon; none: they do not");
 }
 
 void verify(const BroadcastConfig& config) {
-  if (config.roster.size() > 49)
-    throw OptionError("--roster: " + std::to_string(config.roster.size()) + " robots; at most 49");
+  std::set<int> robots(config.roster.begin(), config.roster.end());
+  robots.insert(config.robot_id);
+  if (robots.size() > 63) throw OptionError("--roster: " + std::to_string(robots.size()) + " robots; at most 63");
 }
 
-BroadcastNode::BroadcastNode(const BroadcastConfig& config, std::int32_t boot)
-    : config_(config),
-      boot_(boot),
-      announcement_headers_(config.robot_id, boot),
-      setpoint_headers_(config.robot_id, boot),
-      status_headers_(config.robot_id, boot) {
-  verify(config);
-  for (int id : config.roster) {
-    if (id != config.robot_id) peers_[id];
-  }
+BroadcastNode::BroadcastNode(const BroadcastConfig& config, PromiseStore& store, std::int32_t first_boot)
+    : config_((verify(config), config)),
+      store_(store),
+      kept_(load_promise(store, config.robot_id, first_boot)),
+      announcement_headers_(config.robot_id, kept_.boot),
+      setpoint_headers_(config.robot_id, kept_.boot),
+      status_headers_(config.robot_id, kept_.boot),
+      protocol_({config.robot_id, kept_.boot, config.roster, config.radius_m, config.separation_m}) {
+  for (const auto& [id, peer] : protocol_.peers()) links_[id];
+  gap_us_ = to_us(static_cast<double>(links_.size() + 1) / config.swarm_rate_hz);
 }
 
 std::vector<Subscription> BroadcastNode::subscriptions() const {
@@ -84,7 +87,6 @@ void BroadcastNode::on_message(std::int64_t now_us, BusId bus, std::string_view 
   }
   if (refusal != Refusal::kNone) refused_.count(refusal);
   advance(now_us);
-  if (changed_ && motion_) announce(now_us, outbox);
 }
 
 Refusal BroadcastNode::on_state(std::int64_t now_us, std::span<const std::uint8_t> bytes) {
@@ -95,12 +97,23 @@ Refusal BroadcastNode::on_state(std::int64_t now_us, std::span<const std::uint8_
       refusal != Refusal::kNone)
     return refusal;
   if (const Refusal refusal = state_gate_.pass(state.header); refusal != Refusal::kNone) return refusal;
-  if (!motion_) {  // the first promise: hover where the robot is
-    motion_ = Motion{Trajectory::hover(next_seq_++, now_us, Eigen::Vector3d(state.position)), {}};
-    yaw_ = state.yaw;
-    changed_ = true;
+  if (motion()) return Refusal::kNone;
+  const Eigen::Vector3d position(state.position);
+  Motion first = kept_.motion.value_or(Motion{Trajectory::hover(1, now_us, position), {}});
+  if ((first.at(now_us).position - position).norm() > kResume_m) {  // it has been carried, or has lost its way
+    first = {Trajectory::hover(std::max(first.committed.seq(), first.next.seq()) + 1, now_us, position), {}};
   }
+  protocol_.start(first);
+  store_fails_ = !keep(now_us, protocol_.state());
+  yaw_ = state.yaw;
   return Refusal::kNone;
+}
+
+bool BroadcastNode::keep(std::int64_t now_us, announcement_t promise) {
+  promise.header = HeaderSource(config_.robot_id, kept_.boot).next(now_us);
+  std::vector<std::uint8_t> bytes;
+  encode(promise, &bytes);
+  return store_.save(bytes);
 }
 
 Refusal BroadcastNode::on_candidate(std::int64_t now_us, std::span<const std::uint8_t> bytes) {
@@ -112,26 +125,19 @@ Refusal BroadcastNode::on_candidate(std::int64_t now_us, std::span<const std::ui
     return refusal;
   if (const Refusal refusal = candidate_gate_.pass(message.header); refusal != Refusal::kNone) return refusal;
   ++candidates_;
-  Trajectory candidate = Trajectory::from_wire(message.trajectory);
-  const Rejection rejection = examine(now_us, candidate);
+  const Trajectory candidate = Trajectory::from_wire(message.trajectory);
+  Rejection rejection = examine(now_us, candidate);
+  if (rejection == Rejection::kNone) rejection = protocol_.propose(now_us, candidate);
   ++rejected_[static_cast<std::size_t>(rejection)];
-  if (rejection != Rejection::kNone) return Refusal::kNone;
-  if (!announced_.empty()) withdraw();  // a newer plan replaces the one that waits
-  candidate.set_seq(next_seq_++);
-  announced_ = candidate;
-  stamp_ = now_us;
-  changed_ = true;
   return Refusal::kNone;
 }
 
 Rejection BroadcastNode::examine(std::int64_t now_us, const Trajectory& candidate) const {
-  if (!motion_) return Rejection::kNoCommitted;
-  if (!std::all_of(peers_.begin(), peers_.end(), [](const auto& entry) { return entry.second.heard; }))
-    return Rejection::kWaiting;
-  if (!motion_->next.empty()) return Rejection::kBusy;
+  if (!motion()) return Rejection::kNoCommitted;
+  if (!clocks_agree(now_us)) return Rejection::kClock;
   const std::int64_t start = candidate.start_utime();
   if (candidate.empty() || start <= now_us || start > now_us + kMaxBranchAhead_us) return Rejection::kTime;
-  const MotionState branch = motion_->at(start), first = candidate.knot(0);
+  const MotionState branch = motion()->at(start), first = candidate.knot(0);
   if ((branch.position - first.position).norm() > 1e-4 || (branch.velocity - first.velocity).norm() > 1e-3 ||
       (branch.acceleration - first.acceleration).norm() > 1e-2) {
     return Rejection::kDiscontinuous;
@@ -143,18 +149,7 @@ Rejection BroadcastNode::examine(std::int64_t now_us, const Trajectory& candidat
       return Rejection::kLimits;
     }
   }
-  for (const auto& [id, peer] : peers_) {
-    if (!free_of(candidate, peer.motion, peer.radius_m)) return Rejection::kConflict;
-    const bool promised = !peer.announced.empty() && peer.verdict == ack_t::kAck;
-    if (promised && !free_of(candidate, {peer.motion.committed, peer.announced}, peer.radius_m))
-      return Rejection::kConflict;
-  }
   return Rejection::kNone;
-}
-
-bool BroadcastNode::free_of(const Trajectory& mine, const Motion& other, double other_radius_m) const {
-  const double distance = config_.radius_m + other_radius_m + config_.separation_m;
-  return motions_separated({mine, {}}, other, mine.start_utime(), distance);
 }
 
 Refusal BroadcastNode::on_peer(std::int64_t now_us, std::span<const std::uint8_t> bytes, Outbox& outbox) {
@@ -162,148 +157,74 @@ Refusal BroadcastNode::on_peer(std::int64_t now_us, std::span<const std::uint8_t
   if (const Refusal refusal = decode(bytes, &message); refusal != Refusal::kNone) return refusal;
   const int id = message.header.robot_id;
   if (id == config_.robot_id) return Refusal::kNone;  // multicast returns our own
-  const auto entry = peers_.find(id);
-  if (entry == peers_.end()) return Refusal::kRobot;
+  const auto entry = links_.find(id);
+  if (entry == links_.end()) return Refusal::kRobot;
+  Link& link = entry->second;
   if (const Refusal refusal = check_time(message.header.utime, now_us, kMaxAge_us, to_us(config_.clock_limit_s));
-      refusal != Refusal::kNone)
+      refusal != Refusal::kNone) {
+    if (message.header.utime > now_us) clock_doubt_us_ = now_us;
     return refusal;
-  PeerState& peer = entry->second;
-  if (const Refusal refusal = peer.gate.pass(message.header); refusal != Refusal::kNone) return refusal;
-
-  if (peer.heard && peer.boot == message.header.boot) {
-    peer.lost += static_cast<std::int32_t>(std::min<std::int64_t>(message.header.seq - peer.seq - 1, 1'000'000));
-  } else {  // first heard or restarted: nothing said before counts
-    peer.judged_seq = peer.mine_seq = 0;
-    peer.verdict = peer.mine_verdict = ack_t::kNone;
   }
-  peer.heard = true;
-  peer.heard_us = now_us;
-  peer.utime = message.header.utime;
-  peer.boot = message.header.boot;
-  peer.seq = message.header.seq;
-  peer.radius_m = message.radius;
-  read_announcement(message, &peer.motion, &peer.announced);
-  peer.stamp = message.pending_stamp;
-  for (const ack_t& ack : message.acks) {
-    if (ack.peer_id != config_.robot_id || ack.peer_boot != boot_) continue;
-    peer.mine_seq = ack.judged_seq;
-    peer.mine_verdict = ack.verdict;
-  }
-  judge(now_us, peer, id);
+  if (const Refusal refusal = link.gate.pass(message.header); refusal != Refusal::kNone) return refusal;
+  if (!protocol_.receive(now_us, message)) return Refusal::kRobot;
+  if (link.boot == message.header.boot)
+    link.lost += static_cast<std::int32_t>(std::min<std::int64_t>(message.header.seq - link.seq - 1, 1'000'000));
+  link.heard_us = now_us;
+  link.utime = message.header.utime;
+  link.boot = message.header.boot;
+  link.seq = message.header.seq;
   outbox.publish_bytes(BusId::kOnboard, channel::kPeerTrajectory, bytes);
   return Refusal::kNone;
 }
 
-void BroadcastNode::judge(std::int64_t now_us, PeerState& peer, int peer_id) {
-  if (peer.announced.empty() || peer.announced.seq() <= peer.judged_seq || !motion_) return;
-  peer.judged_seq = peer.announced.seq();
-  peer.verdict = ack_t::kAck;
-  changed_ = true;
-  const bool late = peer.announced.start_utime() <= now_us;
-  if (late || !free_of(peer.announced, *motion_, peer.radius_m)) {
-    peer.verdict = ack_t::kNack;
-  } else if (!announced_.empty() && !free_of(peer.announced, {motion_->committed, announced_}, peer.radius_m)) {
-    // Both are pending: the older stamp wins, then the lower id.
-    const bool ours_wins = std::pair(stamp_, config_.robot_id) < std::pair(peer.stamp, peer_id);
-    if (ours_wins) {
-      peer.verdict = ack_t::kNack;
-    } else {
-      withdraw();
-    }
-  }
-}
-
-bool BroadcastNode::may_commit() const {
-  for (const auto& [id, peer] : peers_) {
-    if (!peer.heard) return false;
-    const bool hold = config_.robot_id < id;
-    const bool acked = peer.mine_seq == announced_.seq() && peer.mine_verdict == ack_t::kAck;
-    if (!hold && !acked) return false;
-    const bool promised = !peer.announced.empty() && peer.verdict == ack_t::kAck;
-    if (promised && !free_of(announced_, {peer.motion.committed, peer.announced}, peer.radius_m)) return false;
-    if (hold && !free_of(announced_, peer.motion, peer.radius_m)) return false;
-  }
-  return true;
-}
-
-void BroadcastNode::withdraw() {
-  announced_ = Trajectory();
-  ++withdrawn_;
-  changed_ = true;
+bool BroadcastNode::clocks_agree(std::int64_t now_us) const {
+  return clock_doubt_us_ == 0 || now_us - clock_doubt_us_ > kClockDoubt_us;
 }
 
 void BroadcastNode::advance(std::int64_t now_us) {
-  if (!motion_) return;
-  if (!motion_->next.empty() && now_us >= motion_->next.start_utime()) {
-    motion_ = Motion{motion_->next, {}};
-    changed_ = true;
-  }
-  if (announced_.empty()) return;
-  const bool refused = std::any_of(peers_.begin(), peers_.end(), [this](const auto& entry) {
-    const auto& [id, peer] = entry;
-    return id < config_.robot_id && peer.mine_seq == announced_.seq() && peer.mine_verdict == ack_t::kNack;
-  });
-  if (refused || now_us >= announced_.start_utime()) {
-    withdraw();
-  } else if (may_commit()) {
-    motion_->next = announced_;
-    announced_ = Trajectory();
-    ++commits_;
-    changed_ = true;
-  }
+  protocol_.advance(now_us);
+  if (protocol_.may_commit(now_us))
+    protocol_.commit([&](const announcement_t& promise) { return !(store_fails_ = !keep(now_us, promise)); });
 }
 
 std::int64_t BroadcastNode::step(std::int64_t now_us, Outbox& outbox) {
   advance(now_us);
-  if (motion_ && (changed_ || now_us >= next_announce_us_)) announce(now_us, outbox);
   const std::int64_t setpoint_period = to_us(1.0 / config_.setpoint_rate_hz);
-  if (motion_ && now_us >= next_setpoint_us_) {
-    publish_setpoint(now_us, outbox);
-    next_setpoint_us_ = (now_us / setpoint_period + 1) * setpoint_period;
+  std::int64_t wake = now_us + kStatusPeriod_us;
+  if (motion()) {
+    if (protocol_.take_news()) {
+      has_news_ = true;
+      news_us_ = now_us;
+    }
+    const auto due = [&] {  // news at once, and again soon, for they may get lost
+      const double wait_s = has_news_ ? 0.0 : now_us < news_us_ + kLively_us ? config_.lively_s : config_.announce_s;
+      return announced_us_ + std::max(gap_us_, to_us(wait_s));
+    };
+    if (now_us >= due()) announce(now_us, outbox);
+    if (now_us >= next_setpoint_us_) {
+      publish_setpoint(now_us, outbox);
+      next_setpoint_us_ = (now_us / setpoint_period + 1) * setpoint_period;
+    }
+    wake = std::min({next_setpoint_us_, protocol_.due_utime(), due()});
   }
   if (now_us >= next_status_us_) {
     publish_status(now_us, outbox);
     next_status_us_ = now_us + kStatusPeriod_us;
   }
-  if (!motion_) return next_status_us_;
-  std::int64_t wake = std::min({next_announce_us_, next_setpoint_us_, next_status_us_});
-  if (!announced_.empty()) wake = std::min(wake, announced_.start_utime());
-  if (!motion_->next.empty()) wake = std::min(wake, motion_->next.start_utime());
-  return std::max(wake, now_us + 1);
+  return std::max(std::min(wake, next_status_us_), now_us + 1);
 }
 
 void BroadcastNode::announce(std::int64_t now_us, Outbox& outbox) {
-  announcement_t message{};
+  announcement_t message = protocol_.state();
   message.header = announcement_headers_.next(now_us);
-  message.radius = static_cast<float>(config_.radius_m);
-  message.committed = motion_->committed.to_wire();
-  message.pending_state = announcement_t::kNone;
-  if (!motion_->next.empty()) {
-    message.pending = motion_->next.to_wire();
-    message.pending_state = announcement_t::kCommitted;
-  } else if (!announced_.empty()) {
-    message.pending = announced_.to_wire();
-    message.pending_state = announcement_t::kAnnounced;
-  }
-  message.pending_stamp = message.pending_state == announcement_t::kNone ? 0 : stamp_;
-  for (const auto& [id, peer] : peers_) {
-    if (!peer.heard) continue;
-    ack_t ack;
-    ack.peer_id = static_cast<std::int16_t>(id);
-    ack.peer_boot = peer.boot;
-    ack.judged_seq = peer.judged_seq;
-    ack.verdict = peer.verdict;
-    message.acks.push_back(ack);
-  }
-  message.num_acks = static_cast<std::int16_t>(message.acks.size());
   outbox.publish(BusId::kSwarm, channel::kTrajectory, message);
   outbox.publish(BusId::kOnboard, channel::kOwnTrajectory, message);
-  changed_ = false;
-  next_announce_us_ = now_us + to_us(config_.announce_s);
+  has_news_ = false;
+  announced_us_ = now_us;
 }
 
 void BroadcastNode::publish_setpoint(std::int64_t utime, Outbox& outbox) {
-  const MotionState state = motion_->at(utime);
+  const MotionState state = motion()->at(utime);
   sogm_swarm::setpoint_t setpoint{};
   setpoint.header = setpoint_headers_.next(utime);
   Eigen::Map<Eigen::Vector3d>(setpoint.position) = state.position;
@@ -324,7 +245,7 @@ void BroadcastNode::publish_setpoint(std::int64_t utime, Outbox& outbox) {
 
 std::int32_t BroadcastNode::lost() const {
   std::int32_t sum = 0;
-  for (const auto& [id, peer] : peers_) sum += peer.lost;
+  for (const auto& [id, link] : links_) sum += link.lost;
   return sum;
 }
 
@@ -332,20 +253,23 @@ void BroadcastNode::publish_status(std::int64_t now_us, Outbox& outbox) {
   using sogm_swarm::broadcast_status_t;
   broadcast_status_t status{};
   status.header = status_headers_.next(now_us);
-  status.state = motion_ ? broadcast_status_t::kFlying : broadcast_status_t::kNoState;
+  status.state = !motion()               ? broadcast_status_t::kNoState
+                 : store_fails_          ? broadcast_status_t::kNoStorage
+                 : !clocks_agree(now_us) ? broadcast_status_t::kClock
+                 : !protocol_.all_hear() ? broadcast_status_t::kWaiting
+                                         : broadcast_status_t::kFlying;
   status.candidates = candidates_;
-  status.commits = commits_;
-  status.withdrawn = withdrawn_;
+  status.commits = protocol_.commits();
+  status.withdrawn = protocol_.withdrawn();
   std::copy(rejected_.begin(), rejected_.end(), status.rejected);
   status.lost = lost();
-  for (const auto& [id, peer] : peers_) {
-    if (!peer.heard && motion_) status.state = broadcast_status_t::kWaiting;
-    if (!peer.heard || now_us - peer.heard_us > 1'000'000) continue;
+  for (const auto& [id, link] : links_) {
+    if (link.boot < 0 || now_us - link.heard_us > 1'000'000) continue;
     ++status.peers_heard;
-    status.max_age_ms = std::max(status.max_age_ms, 1e-3f * static_cast<float>(now_us - peer.heard_us));
+    status.max_age_ms = std::max(status.max_age_ms, 1e-3f * static_cast<float>(now_us - link.heard_us));
     // Delay and offset cannot be told apart from one direction: this bounds the offset.
     status.max_clock_offset_ms =
-        std::max(status.max_clock_offset_ms, 1e-3f * static_cast<float>(std::abs(peer.heard_us - peer.utime)));
+        std::max(status.max_clock_offset_ms, 1e-3f * static_cast<float>(std::abs(link.heard_us - link.utime)));
   }
   refused_.copy_to(status.refused);
   outbox.publish(BusId::kOnboard, channel::kBroadcastStatus, status);

@@ -10,7 +10,7 @@
 #include <sstream>
 #include <thread>
 
-#include "swarm_sim/atomic_file.h"
+#include "lcmtypes/bus/atomic_file.h"
 #include "swarm_sim/campaign.h"
 #include "swarm_sim/csv.h"
 #include "swarm_sim/text.h"

@@ -71,8 +71,9 @@ class LockstepHost {
     RobotNodes(const World& world, const WorldRobot& robot, const FlightOptions& options, std::int32_t boot)
         : map(map_config(world, robot, options), boot, steady_ns, false),
           planner(planner_config(world, robot, options), boot, steady_ns, false),
-          broadcast(broadcast_config(world, robot, options), boot) {}
+          broadcast(broadcast_config(world, robot, options), promises, boot) {}
 
+    MemoryPromiseStore promises;
     MapNode map;
     PlannerNode planner;
     BroadcastNode broadcast;

@@ -238,9 +238,8 @@ RunReport run_processes(const World& world, const OccupiedCubes* static_map, con
                         const ProcessOptions& processes, BusLog* logs, TraceWriter* trace,
                         const std::function<void(double t_s, const Simulation&)>& progress) {
   const auto began = std::chrono::steady_clock::now();
-  std::optional<TemporaryDirectory> temporary;
-  if (processes.out.empty()) temporary.emplace();
-  const std::filesystem::path out = processes.out.empty() ? temporary->path() : processes.out;
+  const TemporaryDirectory temporary;
+  const std::filesystem::path out = processes.out.empty() ? temporary.path() : processes.out;
   const std::filesystem::path programs =
       processes.programs.empty() ? std::filesystem::read_symlink("/proc/self/exe").parent_path() : processes.programs;
   const std::string swarm = swarm_url(processes.base_port);
@@ -265,7 +264,9 @@ RunReport run_processes(const World& world, const OccupiedCubes* static_map, con
     };
     write_config(map_config(world, robot, options), onboard, nullptr, file("map", ".cfg"));
     write_config(planner_config(world, robot, options), onboard, nullptr, file("planner", ".cfg"));
-    write_config(broadcast_config(world, robot, options), onboard, &swarm, file("broadcast", ".cfg"));
+    BroadcastConfig broadcast = broadcast_config(world, robot, options);
+    broadcast.state_dir = temporary.path().string();
+    write_config(broadcast, onboard, &swarm, file("broadcast", ".cfg"));
     for (const char* daemon : {"map", "planner", "broadcast"}) {
       const std::string program = std::string(daemon) + "_daemon";
       children.start("robot " + std::to_string(robot.id) + "'s " + program, programs / program,

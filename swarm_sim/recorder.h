@@ -14,7 +14,7 @@
 
 #include "lcmtypes/bus/node.h"
 #include "planner_daemon/trajectory.h"
-#include "swarm_sim/atomic_file.h"
+#include "lcmtypes/bus/atomic_file.h"
 
 namespace swarm {
 

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <numeric>
 
-#include "swarm_sim/atomic_file.h"
+#include "lcmtypes/bus/atomic_file.h"
 #include "swarm_sim/text.h"
 
 namespace swarm {

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "lcmtypes/bus/option_set.h"
-#include "swarm_sim/atomic_file.h"
+#include "lcmtypes/bus/atomic_file.h"
 #include "swarm_sim/world_generator.h"
 #include "swarm_sim/world_json.h"
 

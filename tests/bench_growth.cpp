@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "planner_daemon/planner.h"
-#include "swarm_sim/atomic_file.h"
+#include "lcmtypes/bus/atomic_file.h"
 #include "swarm_sim/report.h"
 #include "tests/random_map.h"
 #include "tests/random_motion.h"

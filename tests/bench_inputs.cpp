@@ -9,7 +9,7 @@
 #include <utility>
 
 #include "lcmtypes/bus/channels.h"
-#include "swarm_sim/atomic_file.h"
+#include "lcmtypes/bus/atomic_file.h"
 #include "swarm_sim/flight_arguments.h"
 #include "swarm_sim/lockstep.h"
 #include "swarm_sim/trial.h"
@@ -190,7 +190,7 @@ void record_requests(const fs::path& directory) {
   fs::create_directories(directory);
   const auto any = [](const PlannerNode&) { return true; };
   const auto is_stuck = [](const PlannerNode& node) {
-    return node.newest_plan().expansions >= 2 * SearchOptions().max_expansions;
+    return node.newest_plan().expansions >= SearchOptions().max_expansions;
   };
   const auto record = [&](const std::string& name, const Trial& trial, const auto& wanted) {
     std::fprintf(stderr, "planner_bench: flying %s for %s\n", trial.name.c_str(), name.c_str());

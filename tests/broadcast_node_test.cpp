@@ -7,6 +7,7 @@
 #include <numbers>
 
 #include "lcmtypes/bus/channels.h"
+#include "lcmtypes/bus/crc32.h"
 #include "tests/harness.h"
 
 namespace swarm::test {
@@ -21,6 +22,8 @@ using sogm_swarm::setpoint_t;
 using sogm_swarm::trajectory_t;
 
 constexpr std::int32_t kBoot = 77;
+constexpr std::uint8_t kRosterIds[] = {0, 0, 0, 1, 0, 2};
+const auto kRosterCrc = static_cast<std::int32_t>(crc32(kRosterIds));
 
 bool same(const trajectory_t& a, const trajectory_t& b) {
   return a.seq == b.seq && a.start_utime == b.start_utime && a.piece_us == b.piece_us && a.num_pieces == b.num_pieces &&
@@ -34,11 +37,12 @@ struct Peer {
   Trajectory pending = {};
   std::int8_t pending_state = announcement_t::kNone;
   std::int64_t stamp = 0;
-  std::vector<ack_t> acks = {};
+  ack_t about_us{kBoot, 0, ack_t::kNone};  // to the robot under test
   std::int32_t boot = 9;
   std::int64_t seq = 0;
 
-  announcement_t message(std::int64_t utime) {
+  // To robot `to` of the roster 0, 1, 2.
+  announcement_t message(std::int64_t utime, int to) {
     announcement_t message{};
     message.header = make_header(id, boot, seq++, utime);
     message.radius = 0.2f;
@@ -46,8 +50,10 @@ struct Peer {
     message.pending = pending.to_wire();
     message.pending_state = pending_state;
     message.pending_stamp = stamp;
-    message.acks = acks;
-    message.num_acks = static_cast<std::int16_t>(acks.size());
+    message.roster_crc = kRosterCrc;
+    message.num_acks = 3;
+    message.acks.assign(3, {-1, 0, ack_t::kNone});
+    message.acks[static_cast<std::size_t>(to)] = about_us;
     return message;
   }
   void pends(const Trajectory& trajectory, std::int64_t its_stamp, std::int8_t state = announcement_t::kAnnounced) {
@@ -60,9 +66,13 @@ struct Peer {
 };
 
 // Robot `id` at (0, 0, 1), which has heard robots 0, 1 and 2 hover 10 m apart, itself excepted.
-class Robot : public Bench<BroadcastNode> {
+struct Kept {
+  MemoryPromiseStore promises;
+};
+class Robot : public Kept, public Bench<BroadcastNode> {
  public:
-  explicit Robot(int id, bool started = true) : Bench(make_config(id), kBoot), id_(id) {
+  explicit Robot(int id, bool started = true, MemoryPromiseStore store = {}, std::int32_t boot = kBoot)
+      : Kept{store}, Bench(make_config(id), promises, boot), id_(id) {
     for (int other = 0; other < 3; ++other) {
       if (other != id) peers.emplace(other, Peer{other, Trajectory::hover(1, kStart_us, {10.0 + 10 * other, 0, 1})});
     }
@@ -74,19 +84,15 @@ class Robot : public Bench<BroadcastNode> {
     BroadcastConfig config;
     config.robot_id = id;
     config.roster = {0, 1, 2};
+    config.swarm_rate_hz = 100'000;
     return config;
   }
 
   void send_state() { send(channel::kRobotState, state_at(id_, {0, 0, 1}, next_state_++, now_us)); }
-  void hear(int other) { send(channel::kTrajectory, peers.at(other).message(now_us), BusId::kSwarm); }
+  void hear(int other) { send(channel::kTrajectory, peers.at(other).message(now_us, id_), BusId::kSwarm); }
   // `other` judges our pending trajectory `seq`.
   void hear_verdict(int other, std::int32_t seq, std::int8_t verdict, std::int32_t boot = kBoot) {
-    ack_t ack{};
-    ack.peer_id = static_cast<std::int16_t>(id_);
-    ack.peer_boot = boot;
-    ack.judged_seq = seq;
-    ack.verdict = verdict;
-    peers.at(other).acks = {ack};
+    peers.at(other).about_us = {boot, seq, verdict};
     hear(other);
   }
   // From the motion in force after `lead_s` to rest at `to`.
@@ -100,14 +106,13 @@ class Robot : public Bench<BroadcastNode> {
     candidate.trajectory = trajectory.to_wire();
     send(channel::kCandidate, candidate);
   }
-  announcement_t announced() const { return out.newest<announcement_t>(channel::kTrajectory, BusId::kSwarm); }
-  // Our verdict about robot `other`.
-  ack_t verdict_on(int other) const {
-    for (const ack_t& ack : announced().acks) {
-      if (ack.peer_id == other) return ack;
-    }
-    return {};
+  // 50 us later, when it may have announced again.
+  announcement_t announced() {
+    run_for(50e-6);
+    return out.newest<announcement_t>(channel::kTrajectory, BusId::kSwarm);
   }
+  // Our verdict about robot `other`.
+  ack_t verdict_on(int other) { return announced().acks[static_cast<std::size_t>(other)]; }
 
   std::map<int, Peer> peers;
 
@@ -123,13 +128,16 @@ TEST(BroadcastNode, HoversFromTheFirstStateOn) {
   EXPECT_EQ(robot.out.newest<broadcast_status_t>(channel::kBroadcastStatus).state, broadcast_status_t::kNoState);
   auto state = state_at(1, {3, -2, 1.5}, 0, robot.now_us);
   state.yaw = 0.5;
+  const std::int64_t arrival = robot.now_us;
   robot.send(channel::kRobotState, state);
   const announcement_t message = robot.announced();
-  EXPECT_EQ(message.header.utime, robot.now_us);
+  EXPECT_EQ(message.header.utime, arrival);
   EXPECT_EQ(message.radius, 0.2f);
-  EXPECT_TRUE(same(message.committed, Trajectory::hover(1, robot.now_us, {3, -2, 1.5}).to_wire()));
+  EXPECT_TRUE(same(message.committed, Trajectory::hover(1, arrival, {3, -2, 1.5}).to_wire()));
   EXPECT_EQ(message.pending_state, announcement_t::kNone);
-  EXPECT_TRUE(message.acks.empty());
+  EXPECT_EQ(message.roster_crc, kRosterCrc);
+  ASSERT_EQ(message.acks.size(), 3u);
+  for (const ack_t& ack : message.acks) EXPECT_EQ(ack.peer_boot, -1);  // nobody was heard
   robot.run_for(1.0);
   robot.send_state();  // somewhere else: what is committed stays
   robot.run_for(0.1);
@@ -142,6 +150,7 @@ TEST(BroadcastNode, HoversFromTheFirstStateOn) {
 
 TEST(BroadcastNode, AnnouncesItsWholeStateSteadilyOnBothBuses) {
   Robot robot(1);
+  robot.run_for(0.5);  // what is new is repeated sooner
   robot.out.letters.clear();
   robot.run_for(1.0);
   const auto swarm = robot.out.all<announcement_t>(channel::kTrajectory, BusId::kSwarm);
@@ -150,7 +159,7 @@ TEST(BroadcastNode, AnnouncesItsWholeStateSteadilyOnBothBuses) {
   ASSERT_EQ(own.size(), 20u);
   for (std::size_t i = 0; i < 20; ++i) {
     EXPECT_EQ(encoded(swarm[i]), encoded(own[i]));
-    EXPECT_EQ(swarm[i].acks.size(), 2u);
+    EXPECT_EQ(swarm[i].acks.size(), 3u);
     const auto steps = static_cast<std::int64_t>(i);
     EXPECT_EQ(swarm[i].header.utime, swarm[0].header.utime + 50'000 * steps);
     EXPECT_EQ(swarm[i].header.seq, swarm[0].header.seq + steps);
@@ -249,9 +258,10 @@ TEST(BroadcastNode, RejectsCandidatesByReason) {
 
 TEST(BroadcastNode, HolderCommitsAtOnce) {
   Robot robot(0);
+  robot.run_for(0.001);
   robot.out.letters.clear();
   robot.propose(robot.plan({1, 0, 1}));
-  EXPECT_EQ(robot.node.commits(), 1);
+  EXPECT_EQ(robot.node.protocol().commits(), 1);
   const auto messages = robot.out.all<announcement_t>(channel::kTrajectory, BusId::kSwarm);
   ASSERT_EQ(messages.size(), 1u);
   EXPECT_EQ(messages[0].pending_state, announcement_t::kCommitted);
@@ -261,65 +271,66 @@ TEST(BroadcastNode, HolderCommitsAtOnce) {
 
 TEST(BroadcastNode, AskerCommitsOnTheHoldersAckOnly) {
   Robot robot(1);
+  const std::int64_t stamp = robot.now_us;
   robot.propose(robot.plan({1, 0, 1}, 0.5));
   announcement_t message = robot.announced();
   EXPECT_EQ(message.pending_state, announcement_t::kAnnounced);
-  EXPECT_EQ(message.pending_stamp, robot.now_us);
+  EXPECT_EQ(message.pending_stamp, stamp);
   const std::int32_t seq = message.pending.seq;
   robot.run_for(0.1);
   robot.hear(0);                                       // no verdict
   robot.hear_verdict(2, seq, ack_t::kAck);             // not the holder
   robot.hear_verdict(0, seq - 1, ack_t::kAck);         // of something older
   robot.hear_verdict(0, seq, ack_t::kAck, kBoot - 1);  // of what an earlier start announced
-  EXPECT_EQ(robot.node.commits(), 0);
+  EXPECT_EQ(robot.node.protocol().commits(), 0);
   EXPECT_TRUE(robot.node.motion()->next.empty());
   robot.hear_verdict(0, seq, ack_t::kAck);
-  EXPECT_EQ(robot.node.commits(), 1);
+  EXPECT_EQ(robot.node.protocol().commits(), 1);
   message = robot.announced();
   EXPECT_EQ(message.pending_state, announcement_t::kCommitted);
   EXPECT_EQ(message.pending.seq, seq);
-  EXPECT_EQ(message.header.utime, robot.now_us);
+  EXPECT_NEAR(message.header.utime, robot.now_us, 50);
 }
 
 TEST(BroadcastNode, AcksAreVoidWhenTheHolderRestarts) {
   Robot robot(1);
   robot.hear_verdict(0, 2, ack_t::kAck);  // ahead of time: the peer forgets it with its restart
   Peer& holder = robot.peers.at(0);
-  holder.acks.clear();
+  holder.about_us = {kBoot, 0, ack_t::kNone};
   ++holder.boot;
   robot.hear(0);
   robot.propose(robot.plan({1, 0, 1}));
   EXPECT_EQ(robot.announced().pending.seq, 2);
-  EXPECT_EQ(robot.node.commits(), 0);
+  EXPECT_EQ(robot.node.protocol().commits(), 0);
 }
 
 TEST(BroadcastNode, HoldersNackWithdrawsAndAskersNackDoesNot) {
   Robot robot(1);
   robot.propose(robot.plan({1, 0, 1}, 0.5));
   robot.hear_verdict(2, 2, ack_t::kNack);
-  EXPECT_EQ(robot.node.withdrawn(), 0);
+  EXPECT_EQ(robot.node.protocol().withdrawn(), 0);
   EXPECT_EQ(robot.announced().pending.seq, 2);
   robot.hear_verdict(0, 2, ack_t::kNack);
-  EXPECT_EQ(robot.node.withdrawn(), 1);
+  EXPECT_EQ(robot.node.protocol().withdrawn(), 1);
   EXPECT_EQ(robot.announced().pending_state, announcement_t::kNone);
   robot.hear_verdict(0, 2, ack_t::kAck);  // too late: a number is never used again
   robot.propose(robot.plan({1, 0, 1}, 0.5));
   EXPECT_EQ(robot.announced().pending.seq, 3);
-  EXPECT_EQ(robot.node.commits(), 0);
+  EXPECT_EQ(robot.node.protocol().commits(), 0);
 }
 
 TEST(BroadcastNode, WithdrawsAtTheBranchTime) {
   Robot robot(1);
   const Trajectory flight = robot.plan({1, 0, 1}, 0.123456);
   robot.propose(flight);
-  robot.run_until(flight.start_utime() - 1);
+  robot.run_until(flight.start_utime() - 60);
   EXPECT_EQ(robot.announced().pending_state, announcement_t::kAnnounced);
   robot.run_until(flight.start_utime());
-  EXPECT_EQ(robot.node.withdrawn(), 1);
+  EXPECT_EQ(robot.node.protocol().withdrawn(), 1);
   EXPECT_EQ(robot.announced().pending_state, announcement_t::kNone);
   EXPECT_EQ(robot.announced().header.utime, flight.start_utime());
   robot.hear_verdict(0, 2, ack_t::kAck);
-  EXPECT_EQ(robot.node.commits(), 0);
+  EXPECT_EQ(robot.node.protocol().commits(), 0);
   EXPECT_EQ(robot.node.motion()->committed.seq(), 1);
 }
 
@@ -327,11 +338,11 @@ TEST(BroadcastNode, ANewerPlanReplacesTheOneThatWaits) {
   Robot robot(1);
   robot.propose(robot.plan({1, 0, 1}, 0.5));
   robot.propose(robot.plan({0, 1, 1}, 0.5));
-  EXPECT_EQ(robot.node.withdrawn(), 1);
+  EXPECT_EQ(robot.node.protocol().withdrawn(), 1);
   robot.hear_verdict(0, 2, ack_t::kAck);
-  EXPECT_EQ(robot.node.commits(), 0);
+  EXPECT_EQ(robot.node.protocol().commits(), 0);
   robot.hear_verdict(0, 3, ack_t::kAck);
-  EXPECT_EQ(robot.node.commits(), 1);
+  EXPECT_EQ(robot.node.protocol().commits(), 1);
   EXPECT_EQ(robot.node.motion()->end_utime(), robot.now_us + 2'500'000);
 }
 
@@ -342,6 +353,7 @@ TEST(BroadcastNode, JudgesAtOnceAndForGood) {
   const auto judged = [&](const Eigen::Vector3d& to, std::int64_t start) {
     const std::int32_t seq = peer.pending.seq() + 1;
     peer.pends(quintic_to(from, start, to, 20, 5, seq - 100), robot.now_us);
+    robot.run_for(0.001);
     const int before = robot.out.count(channel::kTrajectory, BusId::kSwarm);
     robot.hear(1);
     EXPECT_EQ(robot.out.count(channel::kTrajectory, BusId::kSwarm), before + 1);
@@ -376,7 +388,7 @@ TEST(BroadcastNode, TheOlderOfTwoPendingTrajectoriesWins) {
     rival.pends(quintic_to(rival.committed.at(0), robot.now_us + 400'000, {1.2, 0, 1}, 40), stamp);
     robot.hear(c.rival);
     EXPECT_EQ(robot.verdict_on(c.rival).verdict, c.we_win ? ack_t::kNack : ack_t::kAck);
-    EXPECT_EQ(robot.node.withdrawn(), c.we_win ? 0 : 1);
+    EXPECT_EQ(robot.node.protocol().withdrawn(), c.we_win ? 0 : 1);
     EXPECT_EQ(robot.announced().pending.seq, c.we_win ? 2 : 0);
   }
   Robot robot(1);  // without conflict both go on
@@ -396,12 +408,12 @@ TEST(BroadcastNode, APromiseBindsUntilItIsNoLongerShown) {
   ASSERT_EQ(robot.verdict_on(1).verdict, ack_t::kAck);
   robot.run_for(3.0);  // time does not free it
   robot.propose(robot.plan({1, 0, 1}));
-  EXPECT_EQ(robot.node.commits(), 0);
+  EXPECT_EQ(robot.node.protocol().commits(), 0);
   EXPECT_EQ(robot.node.rejected(Rejection::kConflict), 1);
   peer.pends_nothing();
   robot.hear(1);
   robot.propose(robot.plan({1, 0, 1}));
-  EXPECT_EQ(robot.node.commits(), 1);
+  EXPECT_EQ(robot.node.protocol().commits(), 1);
 }
 
 TEST(BroadcastNode, HolderDoesNotCommitAgainstWhatAnAskerCommittedMeanwhile) {
@@ -412,9 +424,9 @@ TEST(BroadcastNode, HolderDoesNotCommitAgainstWhatAnAskerCommittedMeanwhile) {
   asker.pends(flight, robot.now_us - 1, announcement_t::kCommitted);
   robot.hear(2);
   robot.hear_verdict(0, 2, ack_t::kAck);
-  EXPECT_EQ(robot.node.commits(), 0);
+  EXPECT_EQ(robot.node.protocol().commits(), 0);
   robot.run_for(0.6);
-  EXPECT_EQ(robot.node.withdrawn(), 1);
+  EXPECT_EQ(robot.node.protocol().withdrawn(), 1);
 }
 
 TEST(BroadcastNode, SwitchesExactlyAtTheStart) {
@@ -428,18 +440,18 @@ TEST(BroadcastNode, SwitchesExactlyAtTheStart) {
   EXPECT_EQ(robot.node.motion()->committed.seq(), 2);
   EXPECT_TRUE(robot.node.motion()->next.empty());
   const announcement_t message = robot.announced();
-  EXPECT_EQ(message.header.utime, flight.start_utime());
+  EXPECT_NEAR(message.header.utime, flight.start_utime(), 50);
   EXPECT_EQ(message.committed.seq, 2);
   EXPECT_EQ(message.pending_state, announcement_t::kNone);
   robot.run_for(0.5);  // and the next one may leave it in mid-flight
   robot.propose(robot.plan({0, 1, 1}));
-  EXPECT_EQ(robot.node.commits(), 2);
+  EXPECT_EQ(robot.node.protocol().commits(), 2);
 }
 
 TEST(BroadcastNode, RelaysPeersByteForByteAndNotItself) {
   Robot robot(1);
   robot.peers.at(0).pends(quintic_to(robot.peers.at(0).committed.at(0), robot.now_us + 100'000, {10, 3, 1}, 5), 1);
-  const Bytes bytes = encoded(robot.peers.at(0).message(robot.now_us));
+  const Bytes bytes = encoded(robot.peers.at(0).message(robot.now_us, 1));
   robot.out.letters.clear();
   robot.deliver(BusId::kSwarm, channel::kTrajectory, bytes);
   ASSERT_EQ(robot.out.count(channel::kPeerTrajectory), 1);
@@ -491,7 +503,7 @@ TEST(BroadcastNode, RefusalsAreCountedAndChangeNothing) {
   candidate.trajectory.start_utime += 200'000;  // after every header.utime used here
   refuse_each(BusId::kOnboard, channel::kCandidate, candidate);
   refuse_each(BusId::kOnboard, channel::kRobotState, state_at(1, {5, 5, 5}, 9, robot.now_us));
-  announcement_t heard = robot.peers.at(2).message(robot.now_us);
+  announcement_t heard = robot.peers.at(2).message(robot.now_us, 1);
   heard.pending = Trajectory::hover(50, robot.now_us + 100'000, {0, 0, 1}).to_wire();
   heard.pending_state = announcement_t::kAnnounced;
   refuse_each(BusId::kSwarm, channel::kTrajectory, heard);
@@ -511,6 +523,141 @@ TEST(BroadcastNode, RefusalsAreCountedAndChangeNothing) {
   robot.run_for(1.0);
   const auto status = robot.out.newest<broadcast_status_t>(channel::kBroadcastStatus);
   EXPECT_TRUE(std::equal(expected.begin(), expected.end(), status.refused));
+}
+
+TEST(BroadcastNode, NewsAreRepeatedSoonAndNeverFasterThanTheSwarmMay) {
+  Robot robot(1);
+  robot.run_for(0.5);
+  robot.out.letters.clear();
+  robot.propose(robot.plan({1, 0, 1}, 0.5));
+  robot.run_for(0.21);
+  EXPECT_EQ(robot.out.count(channel::kTrajectory, BusId::kSwarm), 11);  // every 20 ms
+
+  BroadcastConfig config = Robot::make_config(1);
+  config.swarm_rate_hz = 100;  // three robots: 30 ms
+  MemoryPromiseStore store;
+  Bench<BroadcastNode> slow(config, store, kBoot);
+  slow.send(channel::kRobotState, state_at(1, {0, 0, 1}, 0, slow.now_us));
+  Peer peer{0, Trajectory::hover(1, kStart_us, {10, 0, 1})};
+  for (int i = 0; i < 300; ++i) {  // a new trajectory every millisecond
+    peer.pends(quintic_to(peer.committed.at(0), slow.now_us + 500'000, {9, 0, 1}, 5, 5, i + 1), slow.now_us);
+    slow.send(channel::kTrajectory, peer.message(slow.now_us, 1), BusId::kSwarm);
+    slow.run_for(0.001);
+  }
+  EXPECT_EQ(slow.out.count(channel::kTrajectory, BusId::kSwarm), 11);  // at once, then every 30 ms
+  EXPECT_GT(slow.out.newest<announcement_t>(channel::kTrajectory, BusId::kSwarm).acks[0].judged_seq, 350);
+}
+
+TEST(BroadcastNode, AnnouncementsOfAnotherRosterAreRefused) {
+  Robot robot(1);
+  announcement_t message = robot.peers.at(0).message(robot.now_us, 1);
+  message.roster_crc ^= 1;
+  robot.send(channel::kTrajectory, message, BusId::kSwarm);
+  message = robot.peers.at(0).message(robot.now_us, 1);
+  message.acks.push_back({-1, 0, ack_t::kNone});
+  message.num_acks = 4;
+  robot.send(channel::kTrajectory, message, BusId::kSwarm);
+  EXPECT_EQ(robot.node.refused()[Refusal::kRobot], 2);
+  EXPECT_EQ(robot.out.count(channel::kPeerTrajectory), 2);  // of the start
+}
+
+TEST(BroadcastNode, GoesOnAfterARestartWithWhatItPromised) {
+  Robot before(0);
+  before.propose(before.plan({1, 0, 1}, 0.1));
+  before.run_for(0.05);
+  ASSERT_EQ(before.node.protocol().commits(), 1);
+  const Motion promised = *before.node.motion();
+
+  Robot after(0, false, before.promises, kBoot);
+  after.now_us = before.now_us;
+  after.send_state();
+  EXPECT_TRUE(same(after.node.motion()->committed.to_wire(), promised.committed.to_wire()));
+  EXPECT_TRUE(same(after.node.motion()->next.to_wire(), promised.next.to_wire()));
+  EXPECT_EQ(after.announced().header.boot, kBoot + 1);
+
+  // Nothing is committed before every peer has echoed the new start.
+  after.run_for(0.1);
+  for (const int other : {1, 2}) after.hear(other);
+  after.propose(after.plan({0, 1, 1}));
+  EXPECT_EQ(after.node.rejected(Rejection::kWaiting), 1);
+  for (const int other : {1, 2}) {
+    after.peers.at(other).about_us.peer_boot = kBoot + 1;
+    after.hear(other);
+  }
+  after.propose(after.plan({0, 1, 1}));
+  EXPECT_EQ(after.node.protocol().commits(), 1);
+  EXPECT_GT(after.node.motion()->next.seq(), promised.next.seq());
+
+  Robot carried(0, false, before.promises, kBoot);  // it stands somewhere else
+  carried.send(channel::kRobotState, state_at(0, {5, 0, 1}, 0, carried.now_us));
+  EXPECT_EQ(carried.node.motion()->at(carried.now_us).position, Eigen::Vector3d(5, 0, 1));
+  EXPECT_GT(carried.node.motion()->committed.seq(), promised.next.seq());
+  EXPECT_EQ(carried.announced().header.boot, kBoot + 1);
+
+  Robot other(1, false, before.promises, kBoot);  // another robot's promise is none of ours
+  other.send_state();
+  EXPECT_EQ(other.announced().header.boot, kBoot);
+}
+
+TEST(BroadcastNode, CommitsNothingThatItCannotKeep) {
+  struct FullDisk : MemoryPromiseStore {
+    bool save(std::span<const std::uint8_t> bytes) override { return !full && MemoryPromiseStore::save(bytes); }
+    bool full = false;
+  } disk;
+  Bench<BroadcastNode> robot(
+      [] {
+        BroadcastConfig config = Robot::make_config(0);
+        config.roster.clear();
+        return config;
+      }(),
+      disk, kBoot);
+  robot.send(channel::kRobotState, state_at(0, {0, 0, 1}, 0, robot.now_us));
+  std::int64_t seq = 0;
+  const auto propose = [&] {
+    candidate_t candidate{};
+    candidate.header = make_header(0, 1, seq++, robot.now_us);
+    const std::int64_t start = robot.now_us + 100'000;
+    candidate.trajectory = quintic_to(robot.node.motion()->at(start), start, {1, 0, 1}, 2.0).to_wire();
+    robot.send(channel::kCandidate, candidate);
+  };
+  disk.full = true;
+  propose();
+  EXPECT_EQ(robot.node.protocol().commits(), 0);
+  EXPECT_EQ(robot.node.protocol().withdrawn(), 1);
+  EXPECT_TRUE(robot.node.motion()->next.empty());
+  robot.run_for(1.0);
+  EXPECT_EQ(robot.out.newest<broadcast_status_t>(channel::kBroadcastStatus).state, broadcast_status_t::kNoStorage);
+  disk.full = false;
+  propose();
+  EXPECT_EQ(robot.node.protocol().commits(), 1);
+  robot.run_for(1.0);
+  EXPECT_EQ(robot.out.newest<broadcast_status_t>(channel::kBroadcastStatus).state, broadcast_status_t::kFlying);
+}
+
+TEST(BroadcastNode, CommitsNothingWhileClocksDisagree) {
+  Robot robot(0);
+  robot.send(channel::kTrajectory, robot.peers.at(1).message(robot.now_us + 100'001, 0), BusId::kSwarm);
+  robot.propose(robot.plan({1, 0, 1}));
+  EXPECT_EQ(robot.node.rejected(Rejection::kClock), 1);
+  robot.run_for(1.0);
+  EXPECT_EQ(robot.out.newest<broadcast_status_t>(channel::kBroadcastStatus).state, broadcast_status_t::kClock);
+  robot.run_for(0.001);
+  robot.propose(robot.plan({1, 0, 1}));
+  EXPECT_EQ(robot.node.protocol().commits(), 1);
+}
+
+TEST(PromiseStore, TheFileIsReplacedAsAWhole) {
+  const TemporaryDirectory directory;
+  FilePromiseStore store(directory.path() / "robot0.promise");
+  EXPECT_TRUE(store.load().empty());
+  EXPECT_TRUE(store.save(Bytes{1, 2, 3}));
+  EXPECT_TRUE(store.save(Bytes{4}));
+  EXPECT_EQ(store.load(), Bytes{4});
+  EXPECT_EQ(FilePromiseStore(directory.path() / "robot0.promise").load(), Bytes{4});
+  EXPECT_FALSE(FilePromiseStore(directory.path() / "no" / "robot0.promise").save(Bytes{4}));
+
+  EXPECT_EQ(load_promise(store, 0, 7).boot, 7);  // damaged: as if there were none
+  EXPECT_FALSE(load_promise(store, 0, 7).motion);
 }
 
 TEST(BroadcastNode, StatusTellsWhatHappened) {

@@ -54,10 +54,10 @@ class RandomSwarm {
   }
 
   int commits() const {
-    return sum([](const BroadcastNode& node) { return node.commits(); });
+    return sum([](const BroadcastNode& node) { return node.protocol().commits(); });
   }
   int withdrawn() const {
-    return sum([](const BroadcastNode& node) { return node.withdrawn(); });
+    return sum([](const BroadcastNode& node) { return node.protocol().withdrawn(); });
   }
   int conflicts() const {
     return sum([](const BroadcastNode& node) { return node.rejected(Rejection::kConflict); });
@@ -72,7 +72,7 @@ class RandomSwarm {
  private:
   struct Member : Outbox {
     Member(RandomSwarm& swarm_in, int id_in, const BroadcastConfig& config)
-        : swarm(swarm_in), id(id_in), radius_m(config.radius_m), node(config, 1) {}
+        : swarm(swarm_in), id(id_in), radius_m(config.radius_m), node(config, promises, 1) {}
 
     void publish_bytes(BusId bus, std::string_view channel, std::span<const std::uint8_t> bytes) override {
       if (bus == BusId::kSwarm) swarm.broadcast(id, {bytes.begin(), bytes.end()});
@@ -85,14 +85,15 @@ class RandomSwarm {
     }
     void step() {
       wake_us = node.step(swarm.now_us_, *this);
-      if (node.commits() == commits_judged) return;
-      commits_judged = node.commits();
+      if (node.protocol().commits() == commits_judged) return;
+      commits_judged = node.protocol().commits();
       swarm.judge_commit(*this);
     }
 
     RandomSwarm& swarm;
     int id;
     double radius_m;
+    MemoryPromiseStore promises;
     BroadcastNode node;
     setpoint_t setpoint{};
     std::int64_t wake_us = kStart_us, candidate_seq = 0, branch_us = 0;

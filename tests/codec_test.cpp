@@ -274,8 +274,8 @@ TEST(Codec, RefusesToEncodeACountThatIsNotTheNumberOfElements) {
 
 TEST(Codec, SizesOnTheSwarmBusFitOneFrame) {
   Random random(11);
-  EXPECT_EQ(encoded(make<announcement_t>(random, 0)).size(), 879u);
-  EXPECT_EQ(encoded(make<announcement_t>(random, 48)).size(), 879u + 48 * 11);
+  EXPECT_EQ(encoded(make<announcement_t>(random, 0)).size(), 883u);
+  EXPECT_EQ(encoded(make<announcement_t>(random, 63)).size(), 1450u);
 }
 
 TEST(CheckTime, HoldsAtItsBoundsAndForAnyTime) {

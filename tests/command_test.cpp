@@ -200,9 +200,10 @@ TEST(Daemons, BadOptionsAreRefusedByNameValueAndRule) {
   expect_complaint({"planner_daemon", "--pieces", "11"}, {"--pieces 11", "[2, 10]"});
   expect_complaint({"planner_daemon", "--v-max", "20"}, {"--pieces"});  // cannot brake within the horizon
   expect_complaint({"broadcast_daemon", "--roster", "1,,2"}, {"--roster 1,,2", "whole numbers"});
-  std::string fifty = "0";
-  for (int id = 1; id < 50; ++id) fifty += "," + std::to_string(id);
-  expect_complaint({"broadcast_daemon", "--roster", fifty}, {"--roster", "50", "49"});
+  std::string many = "0";
+  for (int id = 1; id < 64; ++id) many += "," + std::to_string(id);
+  expect_complaint({"broadcast_daemon", "--roster", many}, {"--roster", "64", "63"});
+  expect_complaint({"broadcast_daemon", "--state-dir", "/dev/null/promises"}, {"/dev/null/promises"});
   expect_complaint({"broadcast_daemon", "--swarm-url", "udpm://239.255.76.68"}, {"--swarm-url", "port"});
 }
 

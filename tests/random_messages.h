@@ -61,11 +61,11 @@ inline void make(Random& random, int elements, announcement_t* m) {
   m->pending_state = static_cast<std::int8_t>(integer(random, announcement_t::kNone, announcement_t::kCommitted));
   m->pending = m->pending_state == 0 ? trajectory_t{} : make_trajectory(random, m->header.utime);
   m->pending_stamp = m->header.utime - 1000;
-  m->num_acks = static_cast<std::int16_t>(std::min(elements, 48));
+  m->roster_crc = integer(random, 0, 1 << 30);
+  m->num_acks = static_cast<std::int16_t>(std::min(elements, 63));
   m->header.robot_id = 1000;
   for (int i = 0; i < m->num_acks; ++i) {
     ack_t ack{};
-    ack.peer_id = static_cast<std::int16_t>(i * 3);
     ack.peer_boot = integer(random, 0, 1 << 30);
     ack.verdict = static_cast<std::int8_t>(integer(random, ack_t::kNone, ack_t::kNack));
     ack.judged_seq = ack.verdict == ack_t::kNone ? 0 : integer(random, 1, 1 << 30);
@@ -73,7 +73,7 @@ inline void make(Random& random, int elements, announcement_t* m) {
   }
 }
 inline void make(Random& random, int, broadcast_status_t* m) {
-  m->state = static_cast<std::int16_t>(integer(random, 0, 2));
+  m->state = static_cast<std::int16_t>(integer(random, 0, 4));
   m->candidates = m->commits = m->withdrawn = m->peers_heard = m->lost = integer(random, 0, 1 << 30);
   fill(random, m->rejected);
   fill(random, m->refused);

@@ -96,7 +96,7 @@ TEST(Validate, Ranges) {
   EXPECT_RANGE(map_status_t, state, 0, 2);
   EXPECT_RANGE(planner_status_t, state, 0, 4);
   EXPECT_RANGE(planner_status_t, outcome, 0, 2);
-  EXPECT_RANGE(broadcast_status_t, state, 0, 2);
+  EXPECT_RANGE(broadcast_status_t, state, 0, 4);
   Judge<announcement_t> announcement;
   EXPECT_EQ(announcement([](auto& m) { m.radius = 0.0f; }), kValue);
   EXPECT_EQ(announcement([](auto& m) { m.radius = 10.0f; }), kGood);
@@ -109,7 +109,7 @@ TEST(Validate, CountersAndAmountsAreNotNegative) {
   EXPECT_TRUE(refused([](auto& m) { m.obstacles[2].id = -1; }, Judge<obstacles_t>()));
   EXPECT_TRUE(refused([](auto& m) { m.trajectory_seq = -1; }, Judge<corridors_t>()));
   EXPECT_TRUE(refused([](auto& m) { m.trajectory.seq = -1; }, Judge<candidate_t>()));
-  EXPECT_TRUE(refused([](auto& m) { m.acks[0].peer_id = -1; }, Judge<announcement_t>()));
+  EXPECT_TRUE(refused([](auto& m) { m.acks[0].peer_boot = -2; }, Judge<announcement_t>()));
   EXPECT_TRUE(refused([](auto& m) { m.acks[0].judged_seq = -1; }, Judge<announcement_t>()));
   EXPECT_TRUE(refused([](auto& m) { m.part = -1; }, Judge<sogm_t>()));
   EXPECT_TRUE(refused([](auto& m) { m.maps = -1; }, Judge<map_status_t>()));
@@ -183,8 +183,8 @@ TEST(Validate, AnnouncementFieldsAgree) {
               m.pending_state = announcement_t::kNone;
             }),
             kInconsistent);
-  EXPECT_EQ(judge([](auto& m) { m.acks[2].peer_id = m.acks[0].peer_id; }), kInconsistent);
-  EXPECT_EQ(judge([](auto& m) { m.acks[1].peer_id = m.header.robot_id; }), kInconsistent);
+  EXPECT_EQ(judge([](auto& m) { m.acks[1] = {-1, 0, ack_t::kNone}; }), kGood);  // never heard
+  EXPECT_EQ(judge([](auto& m) { m.acks[1] = {-1, 5, ack_t::kAck}; }), kInconsistent);
   for (const std::int8_t verdict : {ack_t::kNone, ack_t::kAck, ack_t::kNack}) {
     for (const std::int32_t seq : {0, 5}) {
       EXPECT_EQ(judge([=](auto& m) {

@@ -102,13 +102,11 @@ Refusal validate(const announcement_t& m) {
   bool values_ok = m.radius > 0.0f && m.radius <= 10.0f && utime_ok(m.pending_stamp) &&
                    within(m.pending_state, announcement_t::kNone, announcement_t::kCommitted);
   bool consistent = (m.pending.seq == 0) == (m.pending_state == announcement_t::kNone);
-  for (auto ack = m.acks.begin(); ack != m.acks.end(); ++ack) {
-    const bool repeated =
-        std::any_of(m.acks.begin(), ack, [ack](const ack_t& earlier) { return earlier.peer_id == ack->peer_id; });
+  for (const ack_t& ack : m.acks) {
     values_ok =
-        values_ok && ack->peer_id >= 0 && ack->judged_seq >= 0 && within(ack->verdict, ack_t::kNone, ack_t::kNack);
-    consistent = consistent && !repeated && ack->peer_id != m.header.robot_id &&
-                 (ack->judged_seq == 0) == (ack->verdict == ack_t::kNone);
+        values_ok && ack.peer_boot >= -1 && ack.judged_seq >= 0 && within(ack.verdict, ack_t::kNone, ack_t::kNack);
+    consistent = consistent && (ack.judged_seq == 0) == (ack.verdict == ack_t::kNone) &&
+                 (ack.peer_boot >= 0 || ack.judged_seq == 0);
   }
   return verdict(values_ok, consistent);
 }
@@ -176,7 +174,7 @@ Refusal validate(const planner_status_t& m) {
 }
 
 Refusal validate(const broadcast_status_t& m) {
-  return verdict(within(m.state, broadcast_status_t::kFlying, broadcast_status_t::kWaiting) &&
+  return verdict(within(m.state, broadcast_status_t::kFlying, broadcast_status_t::kClock) &&
                  amounts_ok(std::array{m.candidates, m.commits, m.withdrawn, m.peers_heard, m.lost}) &&
                  amounts_ok(m.rejected) && amounts_ok(m.refused) &&
                  amounts_ok(std::array{m.max_age_ms, m.max_clock_offset_ms}));

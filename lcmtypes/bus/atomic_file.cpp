@@ -1,4 +1,4 @@
-#include "swarm_sim/atomic_file.h"
+#include "lcmtypes/bus/atomic_file.h"
 
 #include <unistd.h>
 
