@@ -122,14 +122,16 @@ void CommitProtocol::advance(std::int64_t now_us) {
 
 bool CommitProtocol::may_commit(std::int64_t now_us) const {
   if (announced_.empty() || now_us >= announced_.start_utime() || !all_hear()) return false;
-  return std::all_of(peers_.begin(), peers_.end(), [this](const auto& entry) {
+  const auto agrees = [this](const auto& entry) {
     const auto& [id, peer] = entry;
-    const bool hold = rules_.robot_id < id;
-    const bool acked = peer.our_seq == announced_.seq() && peer.our_verdict == ack_t::kAck;
-    if (!hold && !acked) return false;
-    if (hold && !free_of(announced_, peer.motion, peer.radius_m)) return false;
+    return rules_.robot_id < id || (peer.our_seq == announced_.seq() && peer.our_verdict == ack_t::kAck);
+  };
+  const auto is_free = [this](const auto& entry) {
+    const auto& [id, peer] = entry;
+    if (rules_.robot_id < id && !free_of(announced_, peer.motion, peer.radius_m)) return false;
     return !peer.promised() || free_of(announced_, {peer.motion.committed, peer.announced}, peer.radius_m);
-  });
+  };
+  return std::all_of(peers_.begin(), peers_.end(), agrees) && std::all_of(peers_.begin(), peers_.end(), is_free);
 }
 
 void CommitProtocol::commit(const std::function<bool(const announcement_t&)>& keep) {

@@ -6,15 +6,15 @@
 namespace swarm {
 namespace {
 
-constexpr std::int64_t kFinestSpan_us = 800;
+constexpr double kFinestSpan_s = 800e-6;
 
-bool separated_during(const Motion& a, const Motion& b, std::int64_t from, std::int64_t to, double distance) {
-  const ControlPoints difference = control_points_between(a, from, to) - control_points_between(b, from, to);
+// `difference`: control points of one motion minus those of the other.
+bool separated(const ControlPoints& difference, double duration_s, double distance) {
   if (difference.col(0).norm() < distance || difference.col(5).norm() < distance) return false;
   if (linearly_separable(difference, distance)) return true;
-  if (to - from <= kFinestSpan_us) return false;
-  const std::int64_t middle = from + (to - from) / 2;
-  return separated_during(a, b, from, middle, distance) && separated_during(a, b, middle, to, distance);
+  if (duration_s <= kFinestSpan_s) return false;
+  return separated(part_of(difference, 0.0, 0.5), duration_s / 2, distance) &&
+         separated(part_of(difference, 0.5, 1.0), duration_s / 2, distance);
 }
 
 }  // namespace
@@ -41,7 +41,8 @@ bool motions_separated(const Motion& a, const Motion& b, std::int64_t from_utime
   const std::int64_t end = std::max(a.end_utime(), b.end_utime());
   for (std::int64_t from = from_utime; from < end;) {
     const std::int64_t to = std::min({a.next_knot_after(from), b.next_knot_after(from), end});
-    if (!separated_during(a, b, from, to, distance_m)) return false;
+    const ControlPoints difference = control_points_between(a, from, to) - control_points_between(b, from, to);
+    if (!separated(difference, 1e-6 * static_cast<double>(to - from), distance_m)) return false;
     from = to;
   }
   const std::int64_t rest = std::max(end, from_utime);

@@ -145,11 +145,15 @@ Refusal PlannerNode::on_peer(std::int64_t now_us, std::span<const std::uint8_t> 
   if (const Refusal refusal = check_time(message.header.utime, now_us, kMaxAge_us, to_us(config_.clock_limit_s));
       refusal != Refusal::kNone)
     return refusal;
-  PeerEntry& entry = peers_[id];
+  const auto [found, is_new] = peers_.try_emplace(id, SequenceGate(), peer_list_.size());
+  PeerEntry& entry = found->second;
+  if (is_new) peer_list_.emplace_back();
   if (const Refusal refusal = entry.gate.pass(message.header); refusal != Refusal::kNone) return refusal;
   commit_delay_.heard(1e-6 * static_cast<double>(std::max<std::int64_t>(0, now_us - message.header.utime)));
-  read_announcement(message, &entry.peer.motion, &entry.peer.announced);
-  entry.peer.radius_m = message.radius;
+  Peer& peer = peer_list_[entry.place];
+  read_announcement(message, &peer.motion, &peer.announced);
+  peer.radius_m = message.radius;
+  peer.space = space_of(peer.motion, peer.announced);
   return Refusal::kNone;
 }
 
@@ -197,8 +201,6 @@ std::int64_t PlannerNode::step(std::int64_t now_us, Outbox& outbox) {
 void PlannerNode::plan(std::int64_t now_us, Outbox& outbox) {
   map_is_new_ = false;
   last_plan_us_ = now_us;
-  peer_list_.clear();
-  for (const auto& [id, entry] : peers_) peer_list_.push_back(entry.peer);
 
   request_.sogm = &map_;
   request_.own = *own_;

@@ -73,10 +73,10 @@ class PlannerNode : public Node {
   SequenceGate own_gate_, goal_gate_;
   struct PeerEntry {
     SequenceGate gate;
-    Peer peer;
+    std::size_t place;  // in peer_list_
   };
   std::map<int, PeerEntry> peers_;
-  std::vector<Peer> peer_list_;  // of peers_, handed to the planner
+  std::vector<Peer> peer_list_;  // as heard, handed to the planner
   PlanRequest request_;
 
   const PlanResult* newest_ = nullptr;

@@ -64,18 +64,17 @@ void SweptVolumes::lay_out(const Sogm& sogm) {
   words_.clear();
 }
 
-// Voxel centres within `radius_m` of the segment.
-void SweptVolumes::mark_capsule(const Eigen::Vector3d& from, const Eigen::Vector3d& to, double radius_m, int frame,
-                                const Columns& bounds) {
+// Voxel centres within `radius_m` of the segment; nothing where there are none.
+std::optional<SweptVolumes::Patch> SweptVolumes::mark_capsule(const Eigen::Vector3d& from, const Eigen::Vector3d& to,
+                                                              double radius_m, const Columns& bounds) {
   const Eigen::Vector3i low = grid_.voxel_of(from.cwiseMin(to).array() - radius_m)
                                   .cwiseMax(Eigen::Vector3i(bounds.first.x(), bounds.first.y(), 0));
   const Eigen::Vector3i high = grid_.voxel_of(from.cwiseMax(to).array() + radius_m)
                                    .cwiseMin(Eigen::Vector3i(bounds.last.x(), bounds.last.y(), grid_.size.z() - 1));
-  if ((low.array() > high.array()).any()) return;
+  if ((low.array() > high.array()).any()) return {};
   const auto words = static_cast<std::size_t>(grid_.words_per_column());
   const Patch patch{{low.head<2>(), high.head<2>()}, words_.size()};
   words_.resize(words_.size() + row_of(patch) * static_cast<std::size_t>(high.x() - low.x() + 1), 0);
-  patches_[static_cast<std::size_t>(frame)].push_back(patch);
   const auto width = static_cast<std::size_t>(patch.columns.width());
   low_m_.resize(width);
   high_m_.resize(width);
@@ -88,6 +87,7 @@ void SweptVolumes::mark_capsule(const Eigen::Vector3d& from, const Eigen::Vector
     for (std::size_t y = 0; y < width; ++y, column += words)
       set_run(bottom + low_m_[y] * per_m, bottom + high_m_[y] * per_m, grid_.size.z(), column);
   }
+  return patch;
 }
 
 void SweptVolumes::add(const Motion& motion, double radius_m, std::span<const Columns> bounds) {
@@ -96,18 +96,26 @@ void SweptVolumes::add(const Motion& motion, double radius_m, std::span<const Co
   for (std::int64_t from = start_utime_; from < end;) {  // one quintic after the other
     const std::int64_t to = std::min(motion.next_knot_after(from), end);
     const ControlPoints quintic = control_points_between(motion, from, to);
+    const Columns around{grid_.voxel_of(quintic.rowwise().minCoeff().array() - radius_m).head<2>(),
+                         grid_.voxel_of(quintic.rowwise().maxCoeff().array() + radius_m).head<2>()};
     const auto share = [&](std::int64_t utime) {
       return static_cast<double>(utime - from) / static_cast<double>(to - from);
     };
+    std::optional<Patch> rests;  // the same in every frame
+    if ((quintic.colwise() - quintic.col(0)).isZero(0.0))
+      rests = mark_capsule(quintic.col(0), quintic.col(0), radius_m, all_columns(grid_));
     for (std::int64_t frame = (from - start_utime_) / frame_duration_us_; frame < num_frames; ++frame) {
       const std::int64_t begin = start_utime_ + frame * frame_duration_us_;
       if (begin >= to) break;
       const Columns& columns = bounds[static_cast<std::size_t>(frame)];
-      if (columns.empty()) continue;
-      const ControlPoints points =
-          part_of(quintic, share(std::max(begin, from)), share(std::min(begin + frame_duration_us_, to)));
-      mark_capsule(points.col(0), points.col(5), radius_m + distance_from_chord(points), static_cast<int>(frame),
-                   columns);
+      if (columns.empty() || !intersect(around, columns)) continue;
+      std::optional<Patch> patch = rests;
+      if (!patch) {
+        const ControlPoints points =
+            part_of(quintic, share(std::max(begin, from)), share(std::min(begin + frame_duration_us_, to)));
+        patch = mark_capsule(points.col(0), points.col(5), radius_m + distance_from_chord(points), columns);
+      }
+      if (patch) patches_[static_cast<std::size_t>(frame)].push_back(*patch);
     }
     from = to;
   }

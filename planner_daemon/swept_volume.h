@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -17,9 +18,9 @@ class SweptVolumes {
   void lay_out(const Sogm& sogm);
 
   // Adds the voxels whose centre comes within `radius_m` of the motion during a frame's interval, hover tail included;
-  // in frame i only those in columns bounds[i] of the window. Conservative: each span of the curve is covered by its
-  // chord, widened by how far its control points lie from the chord, so the hull of the span and with it the curve is
-  // inside.
+  // in frame i at least those in columns bounds[i] of the window. Conservative: each span of the curve is covered by
+  // its chord, widened by how far its control points lie from the chord, so the hull of the span and with it the curve
+  // is inside.
   void add(const Motion& motion, double radius_m, std::span<const Columns> bounds);
 
   // Appends what a frame holds within `columns`. Valid until the next add().
@@ -30,8 +31,8 @@ class SweptVolumes {
     Columns columns;
     std::size_t first;  // of its words
   };
-  void mark_capsule(const Eigen::Vector3d& from, const Eigen::Vector3d& to, double radius_m, int frame,
-                    const Columns& bounds);
+  std::optional<Patch> mark_capsule(const Eigen::Vector3d& from, const Eigen::Vector3d& to, double radius_m,
+                                    const Columns& bounds);
   std::size_t row_of(const Patch& patch) const {
     return static_cast<std::size_t>(patch.columns.width()) * static_cast<std::size_t>(grid_.words_per_column());
   }

@@ -107,6 +107,12 @@ MotionState Trajectory::knot(int i) const {
   return state;
 }
 
+MotionState Trajectory::state_at(std::int64_t utime) const {
+  const std::int64_t since = utime - start_utime_;
+  if (since < 0 || since % piece_us_ != 0 || utime > end_utime()) return at(utime);
+  return knot(static_cast<int>(since / piece_us_));
+}
+
 MotionState Trajectory::at(std::int64_t utime) const {
   if (utime <= start_utime_) return knot(0);
   if (utime >= end_utime()) {
@@ -144,7 +150,7 @@ ControlPoints control_points_between(const Motion& motion, std::int64_t from_uti
   // Both ends must come from the trajectory in force during the interval: its right end may be the start of the next.
   const bool on_next = !motion.next.empty() && from_utime >= motion.next.start_utime();
   const Trajectory& trajectory = on_next ? motion.next : motion.committed;
-  return quintic_control_points(trajectory.at(from_utime), trajectory.at(to_utime),
+  return quintic_control_points(trajectory.state_at(from_utime), trajectory.state_at(to_utime),
                                 1e-6 * static_cast<double>(to_utime - from_utime));
 }
 

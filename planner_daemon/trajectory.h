@@ -68,6 +68,8 @@ class Trajectory {
 
   // State at `utime`: clamped to knot 0 before the start, hovering at the last knot after the end. Not for empty ones.
   MotionState at(std::int64_t utime) const;
+  // The same but for the jerk, which is zero at knots; faster there.
+  MotionState state_at(std::int64_t utime) const;
   // First knot time later than `utime`, or INT64_MAX after the end: between knots the motion is one quintic.
   std::int64_t next_knot_after(std::int64_t utime) const;
 

@@ -25,6 +25,18 @@ void lay_out(const Sogm& like, int num_frames, Sogm* sogm) {
 
 }  // namespace
 
+Eigen::AlignedBox3d space_of(const Motion& motion, const Trajectory& announced) {
+  Eigen::AlignedBox3d space;
+  for (const Trajectory* trajectory : {&motion.committed, &motion.next, &announced}) {
+    for (int k = 0; k < trajectory->num_pieces(); ++k) {
+      const ControlPoints points =
+          quintic_control_points(trajectory->knot(k), trajectory->knot(k + 1), trajectory->piece_s());
+      space.extend(points.rowwise().minCoeff()).extend(points.rowwise().maxCoeff());
+    }
+  }
+  return space;
+}
+
 void Zones::compose(const Sogm& sogm, const std::vector<Peer>& peers, const Reach& reach) {
   occupancy_ = {&sogm, &peers_};
   add_peers(peers, reach);
@@ -51,9 +63,18 @@ void Zones::add_peers(const std::vector<Peer>& peers, const Reach& reach) {
   const int margin = static_cast<int>(std::ceil(most_m / sogm.geometry.resolution_m)) + 1;
   peers_.lay_out(sogm);
   bounds_.clear();
-  for (int frame = 0; frame < sogm.num_frames; ++frame)
+  Columns all{sogm.geometry.size.head<2>(), Eigen::Vector2i::Constant(-1)};
+  for (int frame = 0; frame < sogm.num_frames; ++frame) {
     bounds_.push_back(reached(sogm, frame, reach, options_.wake_s).grown(margin, sogm.geometry));
+    if (bounds_.back().empty()) continue;
+    all.first = all.first.cwiseMin(bounds_.back().first);
+    all.last = all.last.cwiseMax(bounds_.back().last);
+  }
   for (const Peer& peer : peers) {
+    const double reach_m = peer_reach_m(peer, sogm);
+    const Columns space{sogm.geometry.voxel_of(peer.space.min().array() - reach_m).head<2>(),
+                        sogm.geometry.voxel_of(peer.space.max().array() + reach_m).head<2>()};
+    if (!intersect(space, all)) continue;
     peers_.add(peer.motion, peer_reach_m(peer, sogm), bounds_);
     if (!peer.announced.empty()) peers_.add({peer.motion.committed, peer.announced}, peer_reach_m(peer, sogm), bounds_);
   }

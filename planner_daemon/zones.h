@@ -2,6 +2,7 @@
 // near it comes to a touch. One definition of free for search, corridor and check.
 #pragma once
 
+#include <Eigen/Geometry>
 #include <cstdint>
 #include <vector>
 
@@ -27,7 +28,11 @@ struct Peer {
   Motion motion;
   Trajectory announced;  // waits for acknowledgements: occupied too; may be empty
   double radius_m = 0.2;
+  // Its centre stays within, whichever it flies [m]; peers out of reach cost a look at this.
+  Eigen::AlignedBox3d space{Eigen::Vector3d::Constant(-1e6), Eigen::Vector3d::Constant(1e6)};
 };
+// For Peer::space: the hull of all pieces.
+Eigen::AlignedBox3d space_of(const Motion& motion, const Trajectory& announced);
 
 // The zones are worked out tile by tile where they are looked at, which is a small part of what the robot can come to.
 // Keeps its memory: a map for each zone.

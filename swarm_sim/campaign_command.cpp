@@ -24,11 +24,12 @@ struct CampaignOptions {
   std::string tasks = "cross,bilateral,unilateral", environments = "pure,mixed", worlds, out, shard = "1/1";
   std::vector<int> obstacles = {10, 20, 30, 40, 50};
   int trials = 50, first_seed = 1, jobs = 0;
+  Fleet fleet;
   FlightArguments flight;
 };
 
 void declare(OptionSet& set, CampaignOptions& options) {
-  set.add("tasks", &options.tasks, "comma-separated: cross, bilateral, unilateral, circle");
+  set.add("tasks", &options.tasks, "comma-separated: cross, bilateral, unilateral, circle, random");
   set.add("envs", &options.environments, "comma-separated: empty, pure (columns), mixed (columns and rings)");
   set.add("obstacles", &options.obstacles, 0, 500, "numbers of obstacles");
   set.add("trials", &options.trials, 1, 1'000'000, "", "seeds per task, environment and number of obstacles");
@@ -37,6 +38,7 @@ void declare(OptionSet& set, CampaignOptions& options) {
   set.add("shard", &options.shard, "i/n: only every n-th trial, from the i-th on (1 <= i <= n)");
   set.add("jobs", &options.jobs, 0, 1024, "", "flights at a time; 0: as many as there are cores");
   set.add("out", &options.out, "results (CSV); trials it already holds are skipped");
+  declare(set, options.fleet);
   declare(set, options.flight);
 }
 
@@ -56,7 +58,7 @@ std::vector<Trial> all_trials(const CampaignOptions& options) {
       const bool empty = environment_from(environment) == Environment::kEmpty;
       for (const int obstacles : empty ? std::vector<int>{0} : options.obstacles) {
         for (int i = 0; i < options.trials; ++i) {
-          Trial trial = seeded_trial(task, environment, obstacles, options.first_seed + i);
+          Trial trial = seeded_trial(task, environment, obstacles, options.first_seed + i, options.fleet);
           if (names.insert(trial.name).second) trials.push_back(std::move(trial));
         }
       }

@@ -18,26 +18,39 @@ void overlay(const std::string& file, Config* config) {
   verify(*config);
 }
 
+// Every option once.
+template <class Arguments, class Visit>
+void for_each_number(Arguments& arguments, const Visit& visit) {
+  auto& link = arguments.link;
+  visit("time-limit", arguments.time_limit_s, 0.1, 3600, "s", "of simulated time");
+  visit("sensor-rate", arguments.sensor_rate_hz, 1, 100, "Hz", "of obstacle detections");
+  visit("link-delay-ms", link.delay_ms, 0, 10'000, "ms", "that messages between robots take longer");
+  visit("link-jitter-ms", link.jitter_ms, 0, 10'000, "ms", "the delay is uniform within +- this, at least 0");
+  visit("link-loss", link.loss, 0, 1, "", "share of the messages between robots that never arrives");
+  visit("link-duplicate", link.duplicate, 0, 1, "", "share that arrives twice");
+  visit("link-reorder", link.reorder, 0, 1, "", "share that is overtaken by later ones");
+}
+template <class Arguments, class Visit>
+void for_each_text(Arguments& arguments, const Visit& visit) {
+  visit("link-outage", arguments.outages, "ROBOT:FROM_S:TO_S,...: robots that neither send nor receive for a time");
+  visit("map-config", arguments.map_config,
+        "config file for every map_daemon; identity and map file come from the world");
+  visit("planner-config", arguments.planner_config,
+        "config file for every planner_daemon; identity, limits and space come from the world");
+  visit("broadcast-config", arguments.broadcast_config,
+        "config file for every broadcast_daemon; identity, limits and roster come from the world");
+}
+
 }  // namespace
 
 void declare(OptionSet& options, FlightArguments& arguments) {
-  options.add("time-limit", &arguments.time_limit_s, 0.1, 3600, "s", "of simulated time");
-  options.add("sensor-rate", &arguments.sensor_rate_hz, 1, 100, "Hz", "of obstacle detections");
-  options.add("map-config", &arguments.map_config,
-              "config file for every map_daemon; identity and map file come from the world");
-  options.add("planner-config", &arguments.planner_config,
-              "config file for every planner_daemon; identity, limits and space come from the world");
-  options.add("broadcast-config", &arguments.broadcast_config,
-              "config file for every broadcast_daemon; identity, limits and roster come from the world");
-  LinkOptions& link = arguments.link;
-  options.add("link-delay-ms", &link.delay_ms, 0, 10'000, "ms", "that messages between robots take longer");
-  options.add("link-jitter-ms", &link.jitter_ms, 0, 10'000, "ms", "the delay is uniform within +- this, at least 0");
-  options.add("link-loss", &link.loss, 0, 1, "", "share of the messages between robots that never arrives");
-  options.add("link-duplicate", &link.duplicate, 0, 1, "", "share that arrives twice");
-  options.add("link-reorder", &link.reorder, 0, 1, "", "share that is overtaken by later ones");
-  options.add("link-outage", &arguments.outages,
-              "ROBOT:FROM_S:TO_S,...: robots that neither send nor receive for a time",
-              [](const std::string& text) { (void)parse_outages(text); });
+  for_each_number(arguments, [&](const char* name, double& value, double low, double high, const char* unit,
+                                 const char* help) { options.add(name, &value, low, high, unit, help); });
+  for_each_text(arguments, [&](const char* name, std::string& value, const char* help) {
+    options.add(name, &value, help, [&value, &arguments](const std::string& text) {
+      if (&value == &arguments.outages) (void)parse_outages(text);
+    });
+  });
 }
 
 FlightOptions flight_options(const FlightArguments& arguments) {
@@ -52,25 +65,18 @@ FlightOptions flight_options(const FlightArguments& arguments) {
   return options;
 }
 
+NamedValues option_values(const FlightArguments& arguments) {
+  NamedValues values;
+  for_each_number(arguments, [&](const char* name, double value, double, double, const char*, const char*) {
+    values.emplace_back(name, text_of(value));
+  });
+  for_each_text(arguments,
+                [&](const char* name, const std::string& value, const char*) { values.emplace_back(name, value); });
+  return values;
+}
+
 std::string command_line(const FlightArguments& arguments) {
-  const FlightArguments usual;
-  std::string line;
-  const auto add = [&](const char* name, const std::string& value, const std::string& usual_value) {
-    if (value != usual_value) line.append(" --").append(name).append(" ").append(value);
-  };
-  add("time-limit", text_of(arguments.time_limit_s), text_of(usual.time_limit_s));
-  add("sensor-rate", text_of(arguments.sensor_rate_hz), text_of(usual.sensor_rate_hz));
-  add("map-config", arguments.map_config, "");
-  add("planner-config", arguments.planner_config, "");
-  add("broadcast-config", arguments.broadcast_config, "");
-  const LinkOptions &link = arguments.link, &perfect = usual.link;
-  add("link-delay-ms", text_of(link.delay_ms), text_of(perfect.delay_ms));
-  add("link-jitter-ms", text_of(link.jitter_ms), text_of(perfect.jitter_ms));
-  add("link-loss", text_of(link.loss), text_of(perfect.loss));
-  add("link-duplicate", text_of(link.duplicate), text_of(perfect.duplicate));
-  add("link-reorder", text_of(link.reorder), text_of(perfect.reorder));
-  add("link-outage", arguments.outages, "");
-  return line;
+  return given_options(option_values(arguments), option_values({}));
 }
 
 }  // namespace swarm

@@ -5,6 +5,7 @@
 
 #include "lcmtypes/bus/option_set.h"
 #include "swarm_sim/simulation.h"
+#include "swarm_sim/text.h"
 
 namespace swarm {
 
@@ -20,6 +21,9 @@ void declare(OptionSet& options, FlightArguments& arguments);
 
 // Reads the config files. Throws OptionError.
 FlightOptions flight_options(const FlightArguments& arguments);
+
+// Name and value of every option, in a fixed order.
+NamedValues option_values(const FlightArguments& arguments);
 
 // What differs from the defaults, as it is given on the command line: " --time-limit 30", or "".
 std::string command_line(const FlightArguments& arguments);

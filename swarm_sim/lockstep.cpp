@@ -8,6 +8,7 @@
 #include <tuple>
 
 #include "lcmtypes/bus/channels.h"
+#include "swarm_sim/commit_audit.h"
 
 namespace swarm {
 namespace {
@@ -128,6 +129,7 @@ class LockstepHost {
     ChannelCount& count = channels_[std::string(channel)];
     ++count.messages;
     count.bytes += static_cast<std::int64_t>(bytes.size());
+    if (swarm && channel == channel::kTrajectory) audit_.hear(bytes);
     if (!swarm && channel == channel::kSetpoint) simulation_.on_setpoint(robot, bytes);
     const auto& listeners = swarm ? swarm_listeners_ : onboard_listeners_[robot];
     const auto heard = listeners.find(channel);
@@ -216,6 +218,7 @@ class LockstepHost {
     RunReport report = make_report(world_.name, "lockstep", simulation_.judge(),
                                    1e-6 * static_cast<double>(now_us_ - kEpoch_us), wall_s, planning);
     report.mapping = timing_stats(std::move(map_ms));
+    report.commit_conflicts = static_cast<std::int64_t>(audit_.conflicts().size());
     report.channels.insert(channels_.begin(), channels_.end());
     for (std::size_t r = 0; r < robots_.size(); ++r) {
       const RobotNodes& nodes = robots_[r];
@@ -238,6 +241,7 @@ class LockstepHost {
   LockstepDelays delays_;
   LinkModel link_;
   BusLog* logs_;
+  CommitAudit audit_;
   Simulation simulation_;
   std::int64_t sensor_period_us_ = 0;
   std::deque<RobotNodes> robots_;

@@ -15,6 +15,7 @@
 #include "lcmtypes/bus/lcm_bus.h"
 #include "lcmtypes/bus/realtime_host.h"
 #include "swarm_sim/child_processes.h"
+#include "swarm_sim/commit_audit.h"
 
 namespace swarm {
 namespace {
@@ -101,7 +102,7 @@ class RobotEnvironment : public Node {
     ChannelCount& count = channels_[std::string(channel)];
     ++count.messages;
     count.bytes += static_cast<std::int64_t>(bytes.size());
-    if (bus == BusId::kSwarm) return;
+    if (bus == BusId::kSwarm) return audit_.hear(bytes);
     if (channel == channel::kSetpoint)
       world_.simulation.on_setpoint(index_, bytes);
     else if (channel == channel::kMapStatus)
@@ -160,6 +161,7 @@ class RobotEnvironment : public Node {
     }
     return robot;
   }
+  const CommitAudit& audit() const { return audit_; }
   std::int32_t lost() const { return broadcast_status_.lost; }
 
  private:
@@ -185,6 +187,7 @@ class RobotEnvironment : public Node {
   std::int64_t sensor_period_us_;
   bool hears_swarm_;
   BusLog* logs_;
+  CommitAudit audit_;
   std::int64_t last_tick_us_ = 0, last_detection_ = -1, next_goal_us_ = 0;
   sogm_swarm::map_status_t map_status_{};
   sogm_swarm::planner_status_t planner_status_{};
@@ -314,6 +317,7 @@ RunReport run_processes(const World& world, const OccupiedCubes* static_map, con
       report.channels[name].bytes += count.bytes;
     }
     report.channels[channel::kTrajectory].lost += robot->lost();
+    report.commit_conflicts += static_cast<std::int64_t>(robot->audit().conflicts().size());
   }
   return report;
 }

@@ -12,9 +12,9 @@
 #include <string_view>
 #include <vector>
 
+#include "lcmtypes/bus/atomic_file.h"
 #include "lcmtypes/bus/node.h"
 #include "planner_daemon/trajectory.h"
-#include "lcmtypes/bus/atomic_file.h"
 
 namespace swarm {
 

@@ -121,6 +121,7 @@ ordered_json to_json(const RunReport& report) {
           {"duration", report.duration_s},
           {"wall", report.wall_s},
           {"touches", list(report.touches)},
+          {"commit_conflicts", report.commit_conflicts},
           {"robots", list(report.robots)},
           {"planning_ms", planning},
           {"mapping_ms", report.mapping.count > 0 ? to_json(report.mapping) : ordered_json(nullptr)},
@@ -134,6 +135,8 @@ void write_report(const RunReport& report, const std::filesystem::path& path) {
 std::string summary_table(const RunReport& report) {
   std::string text = report.world + ": " + to_string(report.outcome) + " after " + fixed(report.duration_s, 2) +
                      " s (" + report.mode + ", " + fixed(report.wall_s, 2) + " s of wall time)\n";
+  if (report.commit_conflicts > 0)
+    text.append("  committed trajectories that meet: ").append(std::to_string(report.commit_conflicts)).append("\n");
   for (const Touch& touch : report.touches) {
     const std::string other = touch.other < 0 ? "" : std::to_string(touch.other);
     text.append("  robot ")

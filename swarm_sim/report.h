@@ -52,6 +52,7 @@ struct RunReport {
   double duration_s = 0.0;  // simulated
   double wall_s = 0.0;      // spent on it
   std::vector<Touch> touches;
+  std::int64_t commit_conflicts = 0;  // committed motions that meet; see commit_audit.h
   std::vector<RobotReport> robots;
   std::array<TimingStats, kPlanningSteps.size()> planning;  // over all robots
   TimingStats mapping;                                      // building and encoding a SOGM; nothing in processes

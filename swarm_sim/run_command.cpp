@@ -80,11 +80,7 @@ RunReport fly(const RunOptions& run, const FlightOptions& flight, const World& w
     if (interrupted != 0) throw Interrupted();
   }
   line.done();
-  report.options = {
-      {"time-limit", text_of(run.flight.time_limit_s)}, {"sensor-rate", text_of(run.flight.sensor_rate_hz)},
-      {"link-delay-ms", text_of(flight.link.delay_ms)}, {"link-jitter-ms", text_of(flight.link.jitter_ms)},
-      {"link-loss", text_of(flight.link.loss)},         {"link-duplicate", text_of(flight.link.duplicate)},
-      {"link-reorder", text_of(flight.link.reorder)},   {"link-outage", run.flight.outages}};
+  report.options = option_values(run.flight);
   return report;
 }
 
@@ -124,7 +120,7 @@ int run_command(int argc, const char* const* argv) try {
     write_report(report, out / "report.json");
   }
   std::cout << summary_table(report) << std::flush;
-  return report.outcome == Outcome::kSuccess ? 0 : 1;
+  return report.outcome == Outcome::kSuccess && report.commit_conflicts == 0 ? 0 : 1;
 } catch (const Interrupted&) {
   std::cerr << "\nswarm_sim run: interrupted; nothing was written\n";
   return 130;

@@ -2,6 +2,7 @@
 #include <string_view>
 
 #include "swarm_sim/campaign.h"
+#include "swarm_sim/commit_audit.h"
 #include "swarm_sim/run_command.h"
 #include "swarm_sim/world_command.h"
 
@@ -13,6 +14,7 @@ constexpr const char* kUsage =
     "  swarm_sim run WORLD [options]         flies a world, in lock-step or with real daemons over real multicast\n"
     "  swarm_sim campaign [options] --out R  flies many seeded worlds in lock-step, a CSV row a trial\n"
     "  swarm_sim merge R... -o FILE          joins the results of a campaign's shards\n"
+    "  swarm_sim audit LOG...                looks for committed trajectories that meet\n"
     "Each subcommand explains itself with --help. Exit codes: 0 success, 1 flown but not successful, 2 bad input.\n";
 
 }  // namespace
@@ -23,12 +25,13 @@ int main(int argc, char** argv) {
   if (command == "run") return swarm::run_command(argc - 1, argv + 1);
   if (command == "campaign") return swarm::campaign_command(argc - 1, argv + 1);
   if (command == "merge") return swarm::merge_command(argc - 1, argv + 1);
+  if (command == "audit") return swarm::audit_command(argc - 1, argv + 1);
   if (command == "--help" || command == "-h") {
     std::cout << kUsage;
     return 0;
   }
   std::cerr << "swarm_sim: "
             << (command.empty() ? "no subcommand" : "unknown subcommand '" + std::string(command) + "'")
-            << "; must be world, run, campaign or merge (see swarm_sim --help)\n";
+            << "; must be world, run, campaign, merge or audit (see swarm_sim --help)\n";
   return 2;
 }

@@ -39,6 +39,15 @@ std::string aligned(const std::vector<std::vector<std::string>>& rows) {
   return text;
 }
 
+std::string given_options(const NamedValues& values, const NamedValues& usual) {
+  std::string line;
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    const auto& [name, value] = values[i];
+    if (value != usual[i].second) line.append(" --").append(name).append(" ").append(value);
+  }
+  return line;
+}
+
 std::vector<std::string> split(const std::string& text, char separator) {
   std::vector<std::string> parts(1);
   for (const char c : text) {

@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace swarm {
@@ -13,6 +14,10 @@ void append_fixed(double value, int decimals, std::string* text);      // always
 
 // What stands between the separators: one part more than there are of them.
 std::vector<std::string> split(const std::string& text, char separator);
+
+// Options of a command line: " --name value" for each value that differs from the usual one; both in the same order.
+using NamedValues = std::vector<std::pair<std::string, std::string>>;
+std::string given_options(const NamedValues& values, const NamedValues& usual);
 
 // Rows of right-aligned columns, each as wide as its widest cell. All rows have as many cells; at least one row.
 std::string aligned(const std::vector<std::vector<std::string>>& rows);

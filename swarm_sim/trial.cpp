@@ -32,13 +32,15 @@ std::string touches(const RunReport& report) {
 
 }  // namespace
 
-Trial seeded_trial(const std::string& task, const std::string& environment, int obstacles, int seed) {
+Trial seeded_trial(const std::string& task, const std::string& environment, int obstacles, int seed,
+                   const Fleet& fleet) {
   Trial trial;
   trial.name = task + "-" + environment + "-" + std::to_string(obstacles) + "-" + std::to_string(seed);
   trial.task = task;
   trial.environment = environment;
   trial.obstacles = obstacles;
   trial.seed = std::to_string(seed);
+  trial.fleet = fleet;
   return trial;
 }
 
@@ -73,13 +75,14 @@ Trial listed_trial(const std::string& text, const std::string& list_at) {
 World Trial::world() const {
   if (!list_at.empty())
     return parse_world(world_text, list_at, std::filesystem::path(list_at.substr(0, list_at.rfind(':'))).parent_path());
-  return make_world(task_from(task), environment_from(environment), obstacles, std::stoull(seed));
+  return make_world(task_from(task), environment_from(environment), obstacles, std::stoull(seed), fleet);
 }
 
 std::string Trial::command(const FlightArguments& arguments) const {
   if (!list_at.empty()) return "swarm_sim run " + list_at + " --out trial" + command_line(arguments);
   return "swarm_sim world --task " + task + " --env " + environment + " --obstacles " + std::to_string(obstacles) +
-         " --seed " + seed + " -o trial.json && swarm_sim run trial.json --out trial" + command_line(arguments);
+         " --seed " + seed + command_line(fleet) + " -o trial.json && swarm_sim run trial.json --out trial" +
+         command_line(arguments);
 }
 
 const std::vector<std::string>& trial_columns() {
@@ -91,6 +94,7 @@ const std::vector<std::string>& trial_columns() {
                                         "seed",
                                         "outcome",
                                         "touches",
+                                        "commit_conflicts",
                                         "last_arrival_s",
                                         "mean_flight_s",
                                         "to_obstacles_m",
@@ -136,6 +140,7 @@ TrialRow trial_row(const Trial& trial, const World& world, const RunReport& repo
                   trial.seed,
                   to_string(report.outcome),
                   touches(report),
+                  std::to_string(report.commit_conflicts),
                   fixed(last_s, 2),
                   fixed(sum_s / static_cast<double>(report.robots.size()), 3),
                   fixed(obstacles_m, 4),

@@ -6,7 +6,7 @@
 
 #include "swarm_sim/flight_arguments.h"
 #include "swarm_sim/report.h"
-#include "swarm_sim/world.h"
+#include "swarm_sim/world_generator.h"
 
 namespace swarm {
 
@@ -16,6 +16,7 @@ struct Trial {
   std::string task, environment;
   int obstacles = 0;
   std::string seed;                 // as text; empty for a world that does not say
+  Fleet fleet;                      // of a seeded world
   std::string world_text, list_at;  // of a list: the JSON, and FILE:N
 
   World world() const;
@@ -23,7 +24,8 @@ struct Trial {
   std::string command(const FlightArguments& arguments) const;
 };
 
-Trial seeded_trial(const std::string& task, const std::string& environment, int obstacles, int seed);
+Trial seeded_trial(const std::string& task, const std::string& environment, int obstacles, int seed,
+                   const Fleet& fleet = {});
 // Task, environment, obstacles and seed are read off a name like cross-mixed-20-7; any other name is its own task.
 Trial listed_trial(const std::string& text, const std::string& list_at);
 

@@ -6,8 +6,8 @@
 #include <string_view>
 #include <vector>
 
-#include "lcmtypes/bus/option_set.h"
 #include "lcmtypes/bus/atomic_file.h"
+#include "lcmtypes/bus/option_set.h"
 #include "swarm_sim/world_generator.h"
 #include "swarm_sim/world_json.h"
 
@@ -16,22 +16,15 @@ namespace {
 
 struct WorldOptions {
   std::string task = "cross", environment = "mixed", out;
-  int obstacles = -1, seed = 0, robots = 0;
-  double radius_m = 0.0;
+  int obstacles = -1, seed = 0;
+  Fleet fleet;
 };
 
 World make_world(const WorldOptions& options) {
-  const Task task = task_from(options.task);
   const Environment environment = environment_from(options.environment);
-  if (task != Task::kCircle && options.robots != 0)
-    throw WorldError("robots: only the task circle lets you choose the number of robots");
-  if (task != Task::kCircle && options.radius_m != 0.0) throw WorldError("radius: only the task circle has a radius");
-  Circle circle;
-  if (options.robots != 0) circle.robots = options.robots;
-  if (options.radius_m != 0.0) circle.radius_m = options.radius_m;
   const int usual = environment == Environment::kEmpty ? 0 : 20;
-  return make_world(task, environment, options.obstacles < 0 ? usual : options.obstacles,
-                    static_cast<std::uint64_t>(options.seed), circle);
+  return make_world(task_from(options.task), environment, options.obstacles < 0 ? usual : options.obstacles,
+                    static_cast<std::uint64_t>(options.seed), options.fleet);
 }
 
 }  // namespace
@@ -39,12 +32,11 @@ World make_world(const WorldOptions& options) {
 int world_command(int argc, const char* const* argv) try {
   WorldOptions options;
   OptionSet set("swarm_sim world", "Writes a world file: a task of the paper among seeded obstacles.");
-  set.add("task", &options.task, "cross, bilateral, unilateral or circle");
+  set.add("task", &options.task, "cross, bilateral, unilateral, circle or random");
   set.add("env", &options.environment, "empty, pure (columns) or mixed (columns and rings)");
   set.add("obstacles", &options.obstacles, -1, 500, "", "number of obstacles; -1: 20, or none when env is empty");
   set.add("seed", &options.seed, 0, std::numeric_limits<int>::max(), "", "the same seed gives the same world");
-  set.add("robots", &options.robots, 0, kMaxRobots, "", "robots on the circle; 0: 10");
-  set.add("radius", &options.radius_m, 0.0, 1000.0, "m", "radius of the circle; 0: 10 m");
+  declare(set, options.fleet);
   set.add("out", &options.out, "file to write, also -o; -: standard output");
   std::vector<const char*> arguments(argv, argv + argc);
   for (const char*& argument : arguments) {

@@ -14,9 +14,10 @@ namespace {
 
 constexpr double kHeight_m = 1.0;          // of every start and goal
 constexpr double kStartClearance_m = 0.7;  // between an obstacle and a robot at t = 0
-constexpr int kMaxTries = 10000;           // per obstacle
+constexpr int kMaxTries = 10000;           // per obstacle or robot
+constexpr int kUsualRobots = 10;
 constexpr int kMaxObstacles = 500;
-constexpr std::array kTasks = {"cross", "bilateral", "unilateral", "circle"};
+constexpr std::array kTasks = {"cross", "bilateral", "unilateral", "circle", "random"};
 constexpr std::array kEnvironments = {"empty", "pure", "mixed"};
 
 // Cut towards zero, so that ranges hold and libraries that differ in the last bit agree.
@@ -36,44 +37,83 @@ class Random {
   std::mt19937_64 engine_;
 };
 
-void add_robot(World* world, const Eigen::Vector2d& start, const Eigen::Vector2d& goal) {
-  const int id = static_cast<int>(world->robots.size());
-  world->robots.push_back({id, {start.x(), start.y(), kHeight_m}, {goal.x(), goal.y(), kHeight_m}, 0.2});
+void add_robot(World* world, const Fleet& fleet, const Eigen::Vector3d& start, const Eigen::Vector3d& goal) {
+  world->robots.push_back({static_cast<int>(world->robots.size()), start, goal, fleet.robot_m});
+}
+// At the height of all tasks of the paper.
+void add_level_robot(World* world, const Fleet& fleet, const Eigen::Vector2d& start, const Eigen::Vector2d& goal) {
+  add_robot(world, fleet, {start.x(), start.y(), kHeight_m}, {goal.x(), goal.y(), kHeight_m});
 }
 
-void add_circle(World* world, const Circle& circle) {
-  if (circle.robots < 2 || circle.robots > kMaxRobots)
-    throw WorldError("robots: " + std::to_string(circle.robots) + " must be in [2, 40] on a circle");
-  if (!(circle.radius_m >= 0.5 && circle.radius_m <= 1000.0))
-    throw WorldError("radius: " + text_of(circle.radius_m) + " must be in [0.5, 1000] m");
-  for (int i = 0; i < circle.robots; ++i) {
-    const auto [sin, cos] = sin_cos(2.0 * std::numbers::pi * i / circle.robots);
-    const Eigen::Vector2d start(cut(circle.radius_m * cos), cut(circle.radius_m * sin));
-    add_robot(world, start, -start);
+void add_circle(World* world, const Fleet& fleet) {
+  const double radius_m = fleet.circle_m != 0.0 ? fleet.circle_m : 10.0;
+  if (!(radius_m >= 0.5 && radius_m <= 1000.0))
+    throw WorldError("radius: " + text_of(radius_m) + " must be in [0.5, 1000] m");
+  const int robots = fleet.robots != 0 ? fleet.robots : kUsualRobots;
+  for (int i = 0; i < robots; ++i) {
+    const auto [sin, cos] = sin_cos(2.0 * std::numbers::pi * i / robots);
+    const Eigen::Vector2d start(cut(radius_m * cos), cut(radius_m * sin));
+    add_level_robot(world, fleet, start, -start);
   }
-  const double outer = std::max(world->space.max.x(), circle.radius_m + 1.0);
-  const double inner = std::max(world->obstacle_bounds.max.x(), circle.radius_m - 1.0);
+  const double outer = std::max(world->space.max.x(), radius_m + 1.0);
+  const double inner = std::max(world->obstacle_bounds.max.x(), radius_m - 1.0);
   world->space = {{-outer, -outer, world->space.min.z()}, {outer, outer, world->space.max.z()}};
   world->obstacle_bounds = {{-inner, -inner}, {inner, inner}};
 }
 
-void add_robots(World* world, Task task, const Circle& circle) {
+// Starts and goals each apart by a robot's width more than touching, goals away from the starts.
+void add_random(World* world, const Fleet& fleet, Random* random) {
+  const double edge_m = 2 * fleet.robot_m;
+  world->space = {{-fleet.space_m.x() / 2, -fleet.space_m.y() / 2, 0},
+                  {fleet.space_m.x() / 2, fleet.space_m.y() / 2, fleet.space_m.z()}};
+  world->obstacle_bounds = {world->space.min.head<2>(), world->space.max.head<2>()};
+  const Eigen::Vector3d low = world->space.min.array() + edge_m, high = world->space.max.array() - edge_m;
+  if ((low.array() >= high.array()).any()) throw WorldError("size: the robots must fit into the space");
+  std::vector<Eigen::Vector3d> starts, goals;
+  const auto place = [&](std::vector<Eigen::Vector3d>* places, const Eigen::Vector3d* away_from) {
+    for (int tries = 0; tries < kMaxTries; ++tries) {
+      const Eigen::Vector3d drawn(random->uniform(low.x(), high.x()), random->uniform(low.y(), high.y()),
+                                  random->uniform(low.z(), high.z()));
+      const bool apart = std::ranges::all_of(
+          *places, [&](const Eigen::Vector3d& other) { return (drawn - other).norm() >= 2 * edge_m; });
+      const bool away = away_from == nullptr || (drawn - *away_from).norm() >= fleet.space_m.head<2>().minCoeff() / 4;
+      if (!apart || !away) continue;
+      places->push_back(drawn);
+      return;
+    }
+    throw WorldError("robots: " + std::to_string(fleet.robots) + " must find places apart; there is no room");
+  };
+  const int robots = fleet.robots != 0 ? fleet.robots : kUsualRobots;
+  for (int i = 0; i < robots; ++i) {
+    place(&starts, nullptr);
+    place(&goals, &starts.back());
+    add_robot(world, fleet, starts.back(), goals.back());
+  }
+}
+
+void add_robots(World* world, Task task, const Fleet& fleet, Random* random) {
+  const auto add = [&](const Eigen::Vector2d& start, const Eigen::Vector2d& goal) {
+    add_level_robot(world, fleet, start, goal);
+  };
   switch (task) {
     case Task::kCross:
-      add_robot(world, {-8, 0}, {8, 0});
-      add_robot(world, {8, 0}, {-8, 0});
-      add_robot(world, {0, 8}, {0, -8});
-      add_robot(world, {0, -8}, {0, 8});
+      add({-8, 0}, {8, 0});
+      add({8, 0}, {-8, 0});
+      add({0, 8}, {0, -8});
+      add({0, -8}, {0, 8});
       break;
     case Task::kBilateral:
-      for (const double y : {3.0, -3.0}) add_robot(world, {-8, y}, {8, -y});
-      for (const double y : {-3.0, 3.0}) add_robot(world, {8, y}, {-8, -y});
+      for (const double y : {3.0, -3.0}) add({-8, y}, {8, -y});
+      for (const double y : {-3.0, 3.0}) add({8, y}, {-8, -y});
       break;
     case Task::kUnilateral:
-      for (const double y : {6.0, 2.0, -2.0, -6.0}) add_robot(world, {-8, y}, {8, -y});
+      for (const double y : {6.0, 2.0, -2.0, -6.0}) add({-8, y}, {8, -y});
       break;
     case Task::kCircle:
-      add_circle(world, circle);
+      add_circle(world, fleet);
+      break;
+    case Task::kRandom:
+      add_random(world, fleet, random);
       break;
   }
 }
@@ -128,17 +168,46 @@ Environment environment_from(const std::string& text) {
   return static_cast<Environment>(index_of(kEnvironments, text, "env"));
 }
 
-World make_world(Task task, Environment environment, int obstacles, std::uint64_t seed, const Circle& circle) {
+void declare(OptionSet& options, Fleet& fleet) {
+  options.add("robots", &fleet.robots, 0, kMaxRobots, "", "robots of the tasks circle and random; 0: 10");
+  options.add("radius", &fleet.circle_m, 0, 1000, "m", "of the circle; 0: 10 m");
+  options.add("robot-radius", &fleet.robot_m, 0.01, 10, "m", "of each robot");
+  options.add("speed", &fleet.speed_mps, 0.01, 100, "m/s", "limit of every robot, per axis");
+  options.add("acceleration", &fleet.acceleration_mps2, 0.01, 1000, "m/s^2", "limit of every robot, per axis");
+  options.add("space", &fleet.space_m, 1, 1000, "m", "edges of the space of the task random");
+}
+
+std::string command_line(const Fleet& fleet) {
+  const auto values = [](const Fleet& f) {
+    return NamedValues{{"robots", std::to_string(f.robots)},
+                       {"radius", text_of(f.circle_m)},
+                       {"robot-radius", text_of(f.robot_m)},
+                       {"speed", text_of(f.speed_mps)},
+                       {"acceleration", text_of(f.acceleration_mps2)},
+                       {"space", text_of(f.space_m.x()) + "," + text_of(f.space_m.y()) + "," + text_of(f.space_m.z())}};
+  };
+  return given_options(values(fleet), values({}));
+}
+
+World make_world(Task task, Environment environment, int obstacles, std::uint64_t seed, const Fleet& fleet) {
   const int most = environment == Environment::kEmpty ? 0 : kMaxObstacles;
   if (obstacles < 0 || obstacles > most)
     throw WorldError("obstacles: " + std::to_string(obstacles) + " must be in [0, " + std::to_string(most) +
                      "] with env " + to_string(environment));
+  const bool free_number = task == Task::kCircle || task == Task::kRandom;
+  if (!free_number && fleet.robots != 0)
+    throw WorldError("robots: only the tasks circle and random let you choose the number of robots");
+  if (fleet.robots != 0 && (fleet.robots < 2 || fleet.robots > kMaxRobots))
+    throw WorldError("robots: " + std::to_string(fleet.robots) + " must be in [2, " + std::to_string(kMaxRobots) + "]");
+  if (task != Task::kCircle && fleet.circle_m != 0.0) throw WorldError("radius: only the task circle has a radius");
   World world;
   world.name = std::string(to_string(task)) + "-" + to_string(environment) + "-" + std::to_string(obstacles) + "-" +
                std::to_string(seed);
   world.obstacle_bounds = {{-7, -7}, {7, 7}};
-  add_robots(&world, task, circle);
+  world.speed_mps = fleet.speed_mps;
+  world.acceleration_mps2 = fleet.acceleration_mps2;
   Random random(seed);
+  add_robots(&world, task, fleet, &random);
   const int columns = environment == Environment::kMixed ? (obstacles + 1) / 2 : obstacles;
   for (int i = 0; i < obstacles; ++i) {
     WorldObstacle obstacle = draw_obstacle(i >= columns, world.obstacle_bounds, &random);

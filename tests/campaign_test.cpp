@@ -26,10 +26,8 @@ TEST(Csv, RoundTripsAnyCells) {
 }
 
 World small_world(int seed) {
-  Circle circle;
-  circle.robots = 2;
-  circle.radius_m = 1.5;
-  return make_world(Task::kCircle, Environment::kPure, 1, static_cast<std::uint64_t>(seed), circle);
+  return make_world(Task::kCircle, Environment::kPure, 1, static_cast<std::uint64_t>(seed),
+                    {.robots = 2, .circle_m = 1.5});
 }
 
 std::string one_line(const World& world) {

@@ -100,8 +100,8 @@ TEST(RunCommand, BadOptionsAreRefusedByNameValueAndRule) {
     words.insert(words.end(), options.begin(), options.end());
     expect_complaint(words, texts);
   };
-  expect_complaint({"swarm_sim"}, {"no subcommand", "world, run, campaign or merge"});
-  expect_complaint({"swarm_sim", "fly"}, {"unknown subcommand 'fly'", "world, run, campaign or merge"});
+  expect_complaint({"swarm_sim"}, {"no subcommand", "world, run, campaign, merge or audit"});
+  expect_complaint({"swarm_sim", "fly"}, {"unknown subcommand 'fly'", "world, run, campaign, merge or audit"});
   expect_complaint({"swarm_sim", "run"}, {"world is missing"});
   expect({"extra"}, {"extra"});
   expect({"--fast"}, {"unknown option '--fast'"});
@@ -141,7 +141,7 @@ TEST(WorldCommand, BadOptionsWriteNothing) {
   expect({"--obstacles", "3", "--env", "empty"}, {"obstacles: 3", "[0, 0]"});
   expect({"--seed", "-1"}, {"--seed -1", "[0, 2147483647]"});
   expect({"--robots", "5"}, {"robots", "circle"});
-  expect({"--task", "circle", "--robots", "1"}, {"robots: 1", "[2, 40]"});
+  expect({"--task", "circle", "--robots", "1"}, {"robots: 1", "[2, 60]"});
   expect({"--task", "circle", "--robots", "40", "--radius", "0.5"}, {"start", "sum of radii"});
   expect({"--sead", "1"}, {"unknown option '--sead'"});
   expect_complaint({"swarm_sim", "world"}, {"-o FILE"});

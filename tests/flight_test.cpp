@@ -29,10 +29,7 @@ TEST(FlightTest, SwapsSidesAmongColumns) {
 }
 
 TEST(FlightTest, EightRobotsSwapPlacesOnACircle) {
-  Circle circle;
-  circle.robots = 8;
-  circle.radius_m = 5.0;
-  fly(make_world(Task::kCircle, Environment::kEmpty, 0, 1, circle));
+  fly(make_world(Task::kCircle, Environment::kEmpty, 0, 1, {.robots = 8, .circle_m = 5.0}));
 }
 
 TEST(FlightTest, PassesRecordedPedestriansBelowHeadHeight) {

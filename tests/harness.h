@@ -201,7 +201,7 @@ class Program {
   explicit Program(const std::vector<std::string>& words) {
     std::vector<std::string> copy = words;
     if (!copy.front().starts_with('/')) {
-      copy.front() = std::string(SWARM_BIN_DIR) + "/" + copy.front();
+      copy.front().insert(0, SWARM_BIN_DIR "/");
       std::istringstream emulator(SWARM_EMULATOR);  // needed where this test is emulated, too
       copy.insert(copy.begin(), std::istream_iterator<std::string>(emulator), {});
     }

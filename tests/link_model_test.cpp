@@ -100,7 +100,7 @@ TEST(LinkModel, OutagesThatMakeNoSenseAreRefused) {
 
 // Messages that are lost, doubled, late and out of order cost time, never safety.
 TEST(LinkModel, FlightsOverABadLinkDoNotTouch) {
-  const World world = make_world(Task::kCircle, Environment::kEmpty, 0, 3, {4, 2.5});
+  const World world = make_world(Task::kCircle, Environment::kEmpty, 0, 3, {.robots = 4, .circle_m = 2.5});
   FlightOptions perfect, bad;
   perfect.time_limit_s = bad.time_limit_s = 12.0;
   bad.link.delay_ms = 8;

@@ -59,7 +59,7 @@ struct Flight {
 
 World circle(int robots, double radius_m, int obstacles, std::uint64_t seed) {
   const Environment environment = obstacles == 0 ? Environment::kEmpty : Environment::kPure;
-  return make_world(Task::kCircle, environment, obstacles, seed, {robots, radius_m});
+  return make_world(Task::kCircle, environment, obstacles, seed, {.robots = robots, .circle_m = radius_m});
 }
 
 // Continuous, within the limits, from start to goal.

@@ -17,7 +17,7 @@ constexpr double kPatience = kSanitized ? 10.0 : 1.0;  // how much longer everyt
 class Processes : public testing::Test {
  protected:
   Processes() {
-    const World world = make_world(Task::kCircle, Environment::kPure, 3, 1, {2, 2.5});
+    const World world = make_world(Task::kCircle, Environment::kPure, 3, 1, {.robots = 2, .circle_m = 2.5});
     write_text(directory_ / "world.json", to_json_text(world, directory_.path()));
     // Real time cannot be kept under sanitizers: plans less often, from further ahead.
     write_text(directory_ / "slow.cfg", "lead = 0.4\nperiod = 0.3\nstale-map = 2\n");

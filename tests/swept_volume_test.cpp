@@ -184,15 +184,24 @@ TEST(SweptVolumeTest, KeepsOffFarWindowsAndHoldsSeveralMotions) {
 TEST(SweptVolumeTest, KeepsToTheBounds) {
   Sogm sogm;
   sogm.reset({.resolution_m = 0.1, .origin = {0, 0, 0}, .size = {20, 20, 20}}, 2, kStart, 200'000);
-  const Sogm marked =
-      swept({Trajectory::hover(1, kStart, {1.0, 1.0, 1.0}), {}}, 0.3, sogm, {Columns{{8, 9}, {15, 10}}, Columns{}});
+  const std::vector<Columns> bounds = {Columns{{8, 9}, {15, 10}}, Columns{}};
+  MotionState slow;  // up, for what rests is drawn once for all frames
+  slow.position = {1.0, 1.0, 1.0};
+  slow.velocity.z() = 1e-6;
+  Trajectory rising(1, kStart, 1'000'000, 1);
+  rising.set_knot(0, slow);
+  slow.velocity.setZero();
+  rising.set_knot(1, slow);
+  const Sogm marked = swept({rising, {}}, 0.3, sogm, bounds);
+  const Sogm rests = swept({Trajectory::hover(1, kStart, {1.0, 1.0, 1.0}), {}}, 0.3, sogm, bounds);
   int count = 0;
   for (int x = 0; x < 20; ++x) {
     for (int y = 0; y < 20; ++y) {
       const bool inside = x >= 8 && x <= 15 && y >= 9 && y <= 10;
       const double distance = (sogm.geometry.center_of({x, y, 9}) - Vector3d(1, 1, 1)).norm();
       EXPECT_EQ(marked.occupied(0, {x, y, 9}), inside && distance <= 0.3) << x << ' ' << y;
-      EXPECT_FALSE(marked.occupied(1, {x, y, 9})) << "no bounds: " << x << ' ' << y;
+      EXPECT_EQ(rests.occupied(0, {x, y, 9}), distance <= 0.3) << x << ' ' << y;
+      EXPECT_FALSE(marked.occupied(1, {x, y, 9}) || rests.occupied(1, {x, y, 9})) << "no bounds: " << x << ' ' << y;
       count += inside && distance <= 0.3;
     }
   }

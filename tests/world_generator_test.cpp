@@ -39,7 +39,7 @@ TEST(Generator, TasksHaveThePapersPositions) {
 
 TEST(Generator, CircleSendsEachRobotToItsAntipode) {
   for (const auto& [n, radius] : {std::pair{2, 4.0}, {7, 8.0}, {10, 10.0}, {40, 12.5}}) {
-    const World world = make_world(Task::kCircle, Environment::kMixed, 20, 5, {n, radius});
+    const World world = make_world(Task::kCircle, Environment::kMixed, 20, 5, {.robots = n, .circle_m = radius});
     ASSERT_EQ(world.robots.size(), static_cast<std::size_t>(n));
     for (const WorldRobot& robot : world.robots) {
       EXPECT_NEAR(robot.start.head<2>().norm(), radius, 2e-6);
@@ -48,8 +48,9 @@ TEST(Generator, CircleSendsEachRobotToItsAntipode) {
     EXPECT_EQ(world.space.max.x(), std::max(8.0, radius + 1));
     EXPECT_EQ(world.obstacle_bounds.max.y(), std::max(7.0, radius - 1));
   }
-  EXPECT_THROW(make_world(Task::kCircle, Environment::kEmpty, 0, 0, {41, 10.0}), WorldError);
-  EXPECT_THROW(make_world(Task::kCircle, Environment::kEmpty, 0, 0, {40, 2.0}), WorldError) << "they would overlap";
+  EXPECT_THROW(make_world(Task::kCircle, Environment::kEmpty, 0, 0, {.robots = 61}), WorldError);
+  EXPECT_THROW(make_world(Task::kCircle, Environment::kEmpty, 0, 0, {.robots = 60, .circle_m = 3.0}), WorldError)
+      << "they would overlap";
 }
 
 // Collects values that should be uniform on [low, high].

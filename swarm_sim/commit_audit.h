@@ -1,0 +1,51 @@
+// Audits the promise of the commit protocol from what is on the swarm bus alone: no two committed motions, hover tails
+// included, ever come closer than the sum of the radii.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <span>
+#include <vector>
+
+#include "lcmtypes/bus/codec.h"
+#include "planner_daemon/trajectory.h"
+
+namespace swarm {
+
+// Two robots' committed motions that meet, first seen when one of them was announced.
+struct CommitConflict {
+  std::int64_t utime = 0;
+  int robot = 0, other = 0;             // ids
+  std::int32_t seq = 0, other_seq = 0;  // of the newest trajectory each is bound to
+};
+
+class CommitAudit {
+ public:
+  // An announcement as it was sent; in the order of sending. Anything else is ignored.
+  void hear(std::span<const std::uint8_t> bytes);
+
+  int robots() const { return static_cast<int>(robots_.size()); }
+  std::int64_t motions() const { return motions_; }  // audited
+  const std::vector<CommitConflict>& conflicts() const { return conflicts_; }
+
+ private:
+  struct Robot {
+    SequenceGate gate;
+    double radius_m = 0.0;
+    Motion motion;
+    std::int32_t bound_to() const { return motion.next.empty() ? motion.committed.seq() : motion.next.seq(); }
+  };
+  std::map<int, Robot> robots_;
+  std::int64_t motions_ = 0;
+  std::vector<CommitConflict> conflicts_;
+};
+
+// All announcements of a log of the swarm bus, in the order of their header times, which is that of cause and effect
+// where clocks agree. Throws std::runtime_error with path and reason.
+CommitAudit audit_log(const std::filesystem::path& path);
+
+// Subcommand; argv[0] is its name. 0: no conflict, 1: conflicts, 2: bad input, after one line on stderr.
+int audit_command(int argc, const char* const* argv);
+
+}  // namespace swarm
