@@ -7,6 +7,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <chrono>
 #include <fstream>
 #include <stdexcept>
@@ -28,7 +29,7 @@ std::string last_line(const std::filesystem::path& file) {
 
 void ChildProcesses::start(const std::string& name, const std::filesystem::path& program,
                            const std::vector<std::string>& arguments, const std::filesystem::path& log) {
-  const int output = ::open(log.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
+  const int output = ::open(log.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644);
   if (output < 0) throw std::runtime_error(log.string() + ": " + ::strerror(errno));
   std::vector<std::string> words = arguments;
   words.insert(words.begin(), program.string());
@@ -55,6 +56,14 @@ void ChildProcesses::start(const std::string& name, const std::filesystem::path&
   }
   ::close(output);
   children_.push_back({pid, name, log});
+}
+
+void ChildProcesses::kill(const std::string& name) {
+  const auto child = std::ranges::find(children_, name, &Child::name);
+  if (child == children_.end()) return;
+  ::kill(child->pid, SIGKILL);
+  ::waitpid(child->pid, nullptr, 0);
+  children_.erase(child);
 }
 
 std::optional<std::string> ChildProcesses::find_ended() {

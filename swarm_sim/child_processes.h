@@ -17,10 +17,13 @@ class ChildProcesses {
   ChildProcesses(const ChildProcesses&) = delete;
   ChildProcesses& operator=(const ChildProcesses&) = delete;
 
-  // Starts `program` with `arguments`; its output goes to `log`. It gets SIGTERM when this process dies in whatever
+  // Starts `program` with `arguments`; its output is added to `log`. It gets SIGTERM when this process dies in whatever
   // way, and ignores the terminal's Ctrl-C, which is the owner's to handle. Throws std::runtime_error.
   void start(const std::string& name, const std::filesystem::path& program, const std::vector<std::string>& arguments,
              const std::filesystem::path& log);
+
+  // Ends the child of that name with SIGKILL, as a crash would; it may be started again.
+  void kill(const std::string& name);
 
   // One line about a child that has ended since the start ("robot 2's map_daemon: killed by signal 9 (Killed); its last
   // words: ..."), if any.

@@ -6,46 +6,81 @@
 #include <lcm/lcm-cpp.hpp>
 #include <stdexcept>
 #include <string>
+#include <tuple>
 
 #include "lcmtypes/bus/channels.h"
 #include "planner_daemon/deconfliction.h"
 
 namespace swarm {
 
-void CommitAudit::hear(std::span<const std::uint8_t> bytes) {
+namespace {
+
+std::int32_t bound_to(const Motion& motion) {
+  return motion.next.empty() ? motion.committed.seq() : motion.next.seq();
+}
+
+}  // namespace
+
+bool CommitAudit::read(std::span<const std::uint8_t> bytes, Announcement* announcement) {
   sogm_swarm::announcement_t message;
-  if (decode(bytes, &message) != Refusal::kNone) return;
-  Robot& robot = robots_[message.header.robot_id];
-  if (robot.gate.pass(message.header) != Refusal::kNone) return;
-  Robot newest = robot;
-  newest.radius_m = message.radius;
+  if (decode(bytes, &message) != Refusal::kNone) return false;
+  announcement->header = message.header;
+  announcement->radius_m = message.radius;
   Trajectory announced;  // not committed
-  read_announcement(message, &newest.motion, &announced);
-  const bool is_new = newest.bound_to() != robot.bound_to() || newest.radius_m != robot.radius_m;
-  robot = newest;
+  read_announcement(message, &announcement->motion, &announced);
+  return true;
+}
+
+void CommitAudit::hear(std::span<const std::uint8_t> bytes) {
+  Announcement announcement;
+  if (read(bytes, &announcement)) hear(announcement);
+}
+
+void CommitAudit::hear(const Announcement& announcement) {
+  const int id = announcement.header.robot_id;
+  Robot& robot = robots_[id];
+  if (robot.gate.pass(announcement.header) != Refusal::kNone) return;
+  const bool is_new =
+      bound_to(announcement.motion) != bound_to(robot.motion) || announcement.radius_m != robot.radius_m;
+  robot.motion = announcement.motion;
+  robot.radius_m = announcement.radius_m;
   if (!is_new) return;
   ++motions_;
-  for (const auto& [id, other] : robots_) {
-    if (id == message.header.robot_id) continue;
-    if (motions_separated(robot.motion, other.motion, message.header.utime, robot.radius_m + other.radius_m)) continue;
-    conflicts_.push_back({message.header.utime, message.header.robot_id, id, robot.bound_to(), other.bound_to()});
+  const std::int64_t utime = announcement.header.utime;
+  for (const auto& [other_id, other] : robots_) {
+    if (other_id == id) continue;
+    if (motions_separated(robot.motion, other.motion, utime, robot.radius_m + other.radius_m)) continue;
+    conflicts_.push_back({utime, id, other_id, bound_to(robot.motion), bound_to(other.motion)});
   }
+}
+
+void CommitAudit::collect(std::span<const std::uint8_t> bytes) {
+  Announcement announcement;
+  if (!read(bytes, &announcement)) return;
+  const auto [newest, is_first] = newest_.try_emplace(announcement.header.robot_id, announcement);
+  const auto what = [](const Announcement& a) {
+    return std::tuple(a.header.boot, a.radius_m, a.motion.committed.seq(), a.motion.next.seq());
+  };
+  if (!is_first && what(newest->second) == what(announcement)) return;
+  newest->second = announcement;
+  collected_.push_back(announcement);
+}
+
+void CommitAudit::finish() {
+  std::ranges::stable_sort(collected_, {}, [](const Announcement& a) { return a.header.utime; });
+  for (const Announcement& announcement : collected_) hear(announcement);
+  collected_.clear();
 }
 
 CommitAudit audit_log(const std::filesystem::path& path) {
   lcm::LogFile log(path.string(), "r");
   if (!log.good()) throw std::runtime_error(path.string() + ": must be a readable LCM log");
-  std::vector<std::pair<std::int64_t, std::vector<std::uint8_t>>> announcements;
+  CommitAudit audit;
   while (const lcm::LogEvent* event = log.readNextEvent()) {
     if (event->channel != channel::kTrajectory) continue;
-    const auto* data = static_cast<const std::uint8_t*>(event->data);
-    std::vector<std::uint8_t> bytes(data, data + event->datalen);
-    sogm_swarm::announcement_t message;
-    if (decode(bytes, &message) == Refusal::kNone) announcements.emplace_back(message.header.utime, std::move(bytes));
+    audit.collect({static_cast<const std::uint8_t*>(event->data), static_cast<std::size_t>(event->datalen)});
   }
-  std::ranges::stable_sort(announcements, {}, [](const auto& announcement) { return announcement.first; });
-  CommitAudit audit;
-  for (const auto& [utime, bytes] : announcements) audit.hear(bytes);
+  audit.finish();
   return audit;
 }
 

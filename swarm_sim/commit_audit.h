@@ -24,25 +24,38 @@ class CommitAudit {
  public:
   // An announcement as it was sent; in the order of sending. Anything else is ignored.
   void hear(std::span<const std::uint8_t> bytes);
+  // The same in any order; finish() then hears them in the order of their header times, which is that of cause and
+  // effect where clocks agree and none of what a robot sent is missing.
+  void collect(std::span<const std::uint8_t> bytes);
+  void finish();
 
   int robots() const { return static_cast<int>(robots_.size()); }
   std::int64_t motions() const { return motions_; }  // audited
   const std::vector<CommitConflict>& conflicts() const { return conflicts_; }
 
  private:
+  struct Announcement {
+    sogm_swarm::header_t header;
+    double radius_m = 0.0;
+    Motion motion;
+  };
   struct Robot {
     SequenceGate gate;
     double radius_m = 0.0;
     Motion motion;
-    std::int32_t bound_to() const { return motion.next.empty() ? motion.committed.seq() : motion.next.seq(); }
   };
+  // False: it is none.
+  static bool read(std::span<const std::uint8_t> bytes, Announcement* announcement);
+  void hear(const Announcement& announcement);
+
   std::map<int, Robot> robots_;
+  std::map<int, Announcement> newest_;   // collected
+  std::vector<Announcement> collected_;  // without repetitions
   std::int64_t motions_ = 0;
   std::vector<CommitConflict> conflicts_;
 };
 
-// All announcements of a log of the swarm bus, in the order of their header times, which is that of cause and effect
-// where clocks agree. Throws std::runtime_error with path and reason.
+// All announcements of a log of the swarm bus. Throws std::runtime_error with path and reason.
 CommitAudit audit_log(const std::filesystem::path& path);
 
 // Subcommand; argv[0] is its name. 0: no conflict, 1: conflicts, 2: bad input, after one line on stderr.

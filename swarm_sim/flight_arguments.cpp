@@ -33,6 +33,10 @@ void for_each_number(Arguments& arguments, const Visit& visit) {
 template <class Arguments, class Visit>
 void for_each_text(Arguments& arguments, const Visit& visit) {
   visit("link-outage", arguments.outages, "ROBOT:FROM_S:TO_S,...: robots that neither send nor receive for a time");
+  visit("kill", arguments.kills,
+        "DAEMON:ROBOT@AT_S[-BACK_S],...: daemons (map, planner, broadcast) that are killed, and started again 0.1 s "
+        "later "
+        "or at BACK_S");
   visit("map-config", arguments.map_config,
         "config file for every map_daemon; identity and map file come from the world");
   visit("planner-config", arguments.planner_config,
@@ -49,6 +53,7 @@ void declare(OptionSet& options, FlightArguments& arguments) {
   for_each_text(arguments, [&](const char* name, std::string& value, const char* help) {
     options.add(name, &value, help, [&value, &arguments](const std::string& text) {
       if (&value == &arguments.outages) (void)parse_outages(text);
+      if (&value == &arguments.kills) (void)parse_kills(text);
     });
   });
 }
@@ -62,6 +67,7 @@ FlightOptions flight_options(const FlightArguments& arguments) {
   overlay(arguments.broadcast_config, &options.broadcast);
   options.link = arguments.link;
   options.link.outages = parse_outages(arguments.outages);
+  options.kills = parse_kills(arguments.kills);
   return options;
 }
 

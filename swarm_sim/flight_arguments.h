@@ -15,6 +15,7 @@ struct FlightArguments {
   std::string map_config, planner_config, broadcast_config;  // files; empty: defaults
   LinkOptions link;                                          // without its outages
   std::string outages;                                       // as parse_outages() takes them
+  std::string kills;                                         // as parse_kills() takes them
 };
 
 void declare(OptionSet& options, FlightArguments& arguments);

@@ -1,24 +1,18 @@
 #include "swarm_sim/link_model.h"
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 
 #include "lcmtypes/bus/option_set.h"
 #include "swarm_sim/text.h"
 
 namespace swarm {
-namespace {
-
-// All of `text` as one finite number >= 0.
-template <class Number>
-bool read_number(const std::string& text, Number* number) {
-  const char* end = text.data() + text.size();
-  const auto [stop, error] = std::from_chars(text.data(), end, *number);
-  return error == std::errc() && stop == end && std::isfinite(static_cast<double>(*number)) && *number >= 0;
+// FNV-1a.
+std::uint64_t seed_of(const std::string& name) {
+  std::uint64_t seed = 0xcbf29ce484222325ULL;
+  for (const char c : name) seed = (seed ^ static_cast<unsigned char>(c)) * 0x100000001b3ULL;
+  return seed;
 }
-
-}  // namespace
 
 bool LinkOptions::perfect() const {
   return delay_ms == 0.0 && jitter_ms == 0.0 && loss == 0.0 && duplicate == 0.0 && reorder == 0.0 && outages.empty();
@@ -30,8 +24,8 @@ std::vector<LinkOutage> parse_outages(const std::string& text) {
   for (const std::string& item : split(text, ',')) {
     const std::vector<std::string> parts = split(item, ':');
     LinkOutage outage;
-    if (parts.size() != 3 || !read_number(parts[0], &outage.robot_id) || !read_number(parts[1], &outage.from_s) ||
-        !read_number(parts[2], &outage.to_s) || outage.from_s >= outage.to_s) {
+    if (parts.size() != 3 || !read_amount(parts[0], &outage.robot_id) || !read_amount(parts[1], &outage.from_s) ||
+        !read_amount(parts[2], &outage.to_s) || outage.from_s >= outage.to_s) {
       throw OptionError("'" + item + "' must be ROBOT:FROM_S:TO_S with 0 <= FROM_S < TO_S");
     }
     outages.push_back(outage);

@@ -31,6 +31,9 @@ struct LinkOptions {
 // "ROBOT:FROM_S:TO_S,..."; empty: none. Throws OptionError with the part that is wrong.
 std::vector<LinkOutage> parse_outages(const std::string& text);
 
+// Other worlds, other losses.
+std::uint64_t seed_of(const std::string& name);
+
 class LinkModel {
  public:
   // The same seed and calls give the same answers.

@@ -1,5 +1,6 @@
 #include "swarm_sim/lockstep.h"
 
+#include <algorithm>
 #include <chrono>
 #include <deque>
 #include <map>
@@ -21,13 +22,6 @@ std::int64_t steady_ns() {
       .count();
 }
 
-// Other worlds, other losses (FNV-1a).
-std::uint64_t seed_of(const std::string& name) {
-  std::uint64_t seed = 0xcbf29ce484222325ULL;
-  for (const char c : name) seed = (seed ^ static_cast<unsigned char>(c)) * 0x100000001b3ULL;
-  return seed;
-}
-
 using Bytes = std::shared_ptr<const std::vector<std::uint8_t>>;
 
 // Runs nodes and simulation; the order of places (0: the simulation, then three per robot) breaks ties of time.
@@ -40,19 +34,17 @@ class LockstepHost {
         link_(options.link, seed_of(world.name)),
         logs_(logs),
         simulation_(world, static_map, options, trace) {
-    const auto boot = static_cast<std::int32_t>(kEpoch_us / 1'000'000);
-    for (const WorldRobot& robot : world.robots) {
-      robots_.emplace_back(world, robot, options, boot);
-    }
+    for (const WorldRobot& robot : world.robots) robots_.emplace_back(world, robot, options);
+    for (const Kill& kill : options.kills) kills_.push_back({kill, robot_index(kill.robot_id)});
     sensor_period_us_ = static_cast<std::int64_t>(1e6 / options.sensor_rate_hz);
   }
 
   RunReport run(const ProgressCallback& progress) {
     const std::int64_t began_ns = steady_ns();
     for (std::size_t r = 0; r < robots_.size(); ++r) {
-      for (std::size_t n = 0; n < 3; ++n) {
-        Place& place = places_.emplace_back(*this, r, robots_[r].node(n));
-        for (const Subscription& subscription : place.node.subscriptions()) {
+      for (std::size_t n = 0; n < kDaemons.size(); ++n) {
+        Place& place = places_.emplace_back(*this, r, &robots_[r].start(n, boot()));
+        for (const Subscription& subscription : place.node->subscriptions()) {
           auto& listeners = subscription.bus == BusId::kSwarm ? swarm_listeners_ : onboard_listeners_[r];
           listeners[subscription.channel].push_back(places_.size() - 1);
         }
@@ -69,35 +61,65 @@ class LockstepHost {
 
  private:
   struct RobotNodes {
-    RobotNodes(const World& world, const WorldRobot& robot, const FlightOptions& options, std::int32_t boot)
-        : map(map_config(world, robot, options), boot, steady_ns, false),
-          planner(planner_config(world, robot, options), boot, steady_ns, false),
-          broadcast(broadcast_config(world, robot, options), promises, boot) {}
+    RobotNodes(const World& world_in, const WorldRobot& robot_in, const FlightOptions& options_in)
+        : world(world_in), robot(robot_in), options(options_in) {}
 
+    const World& world;
+    const WorldRobot& robot;
+    const FlightOptions& options;
     MemoryPromiseStore promises;
-    MapNode map;
-    PlannerNode planner;
-    BroadcastNode broadcast;
+    std::unique_ptr<MapNode> map;  // null: dead
+    std::unique_ptr<PlannerNode> planner;
+    std::unique_ptr<BroadcastNode> broadcast;
     PlanningSamples step_ms;
     std::vector<double> map_ms;
     int plans_seen = 0, maps_seen = 0;
+    RobotReport before;  // of nodes that were killed
 
-    Node& node(std::size_t n) {
-      if (n == 0) return map;
-      if (n == 1) return planner;
-      return broadcast;
+    // By the order of kDaemons.
+    Node& start(std::size_t daemon, std::int32_t boot) {
+      if (daemon == 0)
+        return *(map = std::make_unique<MapNode>(map_config(world, robot, options), boot, steady_ns, false));
+      if (daemon == 1)
+        return *(planner =
+                     std::make_unique<PlannerNode>(planner_config(world, robot, options), boot, steady_ns, false));
+      return *(broadcast = std::make_unique<BroadcastNode>(broadcast_config(world, robot, options), promises, boot));
+    }
+    void kill(std::size_t daemon) {
+      count(daemon, &before);
+      if (daemon == 0) map.reset(), maps_seen = 0;
+      if (daemon == 1) planner.reset(), plans_seen = 0;
+      if (daemon == 2) broadcast.reset();
+    }
+    // Adds what a daemon that lives has counted.
+    void count(std::size_t daemon, RobotReport* sum) const {
+      const RefusalCounts* refused = nullptr;
+      if (daemon == 0 && map) refused = &map->refused();
+      if (daemon == 1 && planner) {
+        refused = &planner->refused();
+        sum->plans += planner->plans();
+        sum->missed += planner->missed();
+      }
+      if (daemon == 2 && broadcast) refused = &broadcast->refused();
+      for (std::size_t i = 1; refused != nullptr && i < sum->refused.size(); ++i)
+        sum->refused[i] += (*refused)[static_cast<Refusal>(i)];
+    }
+    RobotReport report() const {
+      RobotReport sum = before;
+      for (std::size_t daemon = 0; daemon < kDaemons.size(); ++daemon) count(daemon, &sum);
+      return sum;
     }
   };
 
   // Where a node sits; its messages go out from here.
   struct Place : Outbox {
-    Place(LockstepHost& host_in, std::size_t robot_in, Node& node_in) : host(host_in), robot(robot_in), node(node_in) {}
+    Place(LockstepHost& host_in, std::size_t robot_in, Node* node_in) : host(host_in), robot(robot_in), node(node_in) {}
     void publish_bytes(BusId bus, std::string_view channel, std::span<const std::uint8_t> bytes) override {
       host.send(robot, bus, channel, bytes);
     }
     LockstepHost& host;
     std::size_t robot;
-    Node& node;
+    Node* node;                // null: killed
     std::int64_t wake_us = 0;  // the wake-up in force; earlier entries in the queue are void
   };
 
@@ -131,6 +153,7 @@ class LockstepHost {
     count.bytes += static_cast<std::int64_t>(bytes.size());
     if (swarm && channel == channel::kTrajectory) audit_.hear(bytes);
     if (!swarm && channel == channel::kSetpoint) simulation_.on_setpoint(robot, bytes);
+    if (!swarm && channel == channel::kOwnTrajectory) simulation_.on_own_trajectory(robot, bytes);
     const auto& listeners = swarm ? swarm_listeners_ : onboard_listeners_[robot];
     const auto heard = listeners.find(channel);
     if (heard == listeners.end()) return;
@@ -156,12 +179,13 @@ class LockstepHost {
       events_.pop();
       Place& place = places_[event.place];
       now_us_ = event.time_us;
+      if (place.node == nullptr) continue;
       if (!event.channel.empty()) {
-        place.node.on_message(now_us_, event.bus, event.channel, *event.bytes, place);
+        place.node->on_message(now_us_, event.bus, event.channel, *event.bytes, place);
       } else if (event.time_us != place.wake_us) {
         continue;
       }
-      const std::int64_t wake = place.node.step(now_us_, place);
+      const std::int64_t wake = place.node->step(now_us_, place);
       if (wake != place.wake_us || event.channel.empty()) schedule_wake(event.place, wake);
       note_work(robots_[place.robot]);
     }
@@ -169,13 +193,13 @@ class LockstepHost {
   }
 
   void note_work(RobotNodes& robot) {
-    if (robot.map.maps() != robot.maps_seen) {
-      robot.maps_seen = robot.map.maps();
-      robot.map_ms.push_back(robot.map.build_ms());
+    if (robot.map && robot.map->maps() != robot.maps_seen) {
+      robot.maps_seen = robot.map->maps();
+      robot.map_ms.push_back(robot.map->build_ms());
     }
-    if (robot.planner.plans() == robot.plans_seen) return;
-    robot.plans_seen = robot.planner.plans();
-    const auto& step_ms = robot.planner.newest_plan().step_ms;
+    if (!robot.planner || robot.planner->plans() == robot.plans_seen) return;
+    robot.plans_seen = robot.planner->plans();
+    const auto& step_ms = robot.planner->newest_plan().step_ms;
     double total = 0.0;
     for (std::size_t i = 0; i < step_ms.size(); ++i) {
       robot.step_ms[i].push_back(step_ms[i]);
@@ -189,6 +213,7 @@ class LockstepHost {
     const std::int64_t since = now_us - kEpoch_us;
     const double t_s = 1e-6 * static_cast<double>(since);
     simulation_.tick(t_s, now_us);
+    kill_and_restart(t_s);
     for (std::size_t r = 0; r < robots_.size(); ++r) {
       // Sensors of different robots are not synchronised.
       const std::int64_t phase = since + static_cast<std::int64_t>(r) * Simulation::kTick_us;
@@ -200,6 +225,27 @@ class LockstepHost {
     }
     if (simulation_.judge().finished()) return false;
     return !progress || since % 100'000 != 0 || progress(t_s, simulation_);
+  }
+
+  void kill_and_restart(double t_s) {
+    for (auto& [kill, robot, is_down] : kills_) {
+      const std::size_t place = kDaemons.size() * robot + kill.daemon;
+      if (!is_down && t_s >= kill.at_s && t_s < kill.back_s) {
+        is_down = true;
+        robots_[robot].kill(kill.daemon);
+        places_[place].node = nullptr;
+      } else if (is_down && t_s >= kill.back_s) {
+        is_down = false;
+        places_[place].node = &robots_[robot].start(kill.daemon, boot());
+        schedule_wake(place, now_us_);
+      }
+    }
+  }
+  std::int32_t boot() const { return static_cast<std::int32_t>(now_us_ / 1'000'000); }
+  std::size_t robot_index(int id) const {
+    const auto robot = std::ranges::find(world_.robots, id, &WorldRobot::id);
+    if (robot == world_.robots.end()) throw OptionError("kill: the world has no robot " + std::to_string(id));
+    return static_cast<std::size_t>(robot - world_.robots.begin());
   }
 
   template <class T>
@@ -221,17 +267,9 @@ class LockstepHost {
     report.commit_conflicts = static_cast<std::int64_t>(audit_.conflicts().size());
     report.channels.insert(channels_.begin(), channels_.end());
     for (std::size_t r = 0; r < robots_.size(); ++r) {
-      const RobotNodes& nodes = robots_[r];
-      RobotReport robot;
+      RobotReport robot = robots_[r].report();
       robot.verdict = simulation_.judge().robots()[r];
-      robot.plans = nodes.planner.plans();
       robot.plan_rate_hz = static_cast<double>(robot.plans) / report.duration_s;
-      robot.missed = nodes.planner.missed();
-      for (std::size_t i = 1; i < robot.refused.size(); ++i) {
-        const auto reason = static_cast<Refusal>(i);
-        robot.refused[i] =
-            nodes.map.refused()[reason] + nodes.planner.refused()[reason] + nodes.broadcast.refused()[reason];
-      }
       report.robots.push_back(robot);
     }
     return report;
@@ -245,6 +283,12 @@ class LockstepHost {
   Simulation simulation_;
   std::int64_t sensor_period_us_ = 0;
   std::deque<RobotNodes> robots_;
+  struct PlannedKill {
+    Kill kill;
+    std::size_t robot;
+    bool is_down = false;
+  };
+  std::vector<PlannedKill> kills_;
   std::deque<Place> places_;
   std::map<std::string, std::vector<std::size_t>, std::less<>> swarm_listeners_;
   std::map<std::size_t, std::map<std::string, std::vector<std::size_t>, std::less<>>> onboard_listeners_;

@@ -1,9 +1,14 @@
 #include "swarm_sim/processes.h"
 
+#include <fcntl.h>
+#include <sched.h>
 #include <spdlog/spdlog.h>
+#include <unistd.h>
 
 #include <boost/asio/steady_timer.hpp>
+#include <cerrno>
 #include <chrono>
+#include <cstring>
 #include <fstream>
 #include <iostream>
 #include <map>
@@ -16,6 +21,7 @@
 #include "lcmtypes/bus/realtime_host.h"
 #include "swarm_sim/child_processes.h"
 #include "swarm_sim/commit_audit.h"
+#include "swarm_sim/relay.h"
 
 namespace swarm {
 namespace {
@@ -81,13 +87,15 @@ struct World4D {
 class RobotEnvironment : public Node {
  public:
   RobotEnvironment(World4D& world, std::size_t index, int id, std::int64_t sensor_period_us, bool hears_swarm,
-                   BusLog* logs)
+                   bool own_swarm_bus, CommitAudit& audit, BusLog* logs)
       : world_(world),
         index_(index),
         id_(id),
         sensor_period_us_(sensor_period_us),
         hears_swarm_(hears_swarm),
-        logs_(logs) {}
+        own_swarm_bus_(own_swarm_bus),
+        logs_(logs),
+        audit_(audit) {}
 
   std::vector<Subscription> subscriptions() const override {
     std::vector<Subscription> all;
@@ -98,19 +106,22 @@ class RobotEnvironment : public Node {
 
   void on_message(std::int64_t now_us, BusId bus, std::string_view channel, std::span<const std::uint8_t> bytes,
                   Outbox&) override {
+    if (bus == BusId::kSwarm && own_swarm_bus_ && !is_own(bytes)) return;  // relayed: once is enough
     if (logs_ != nullptr) logs_->write(bus, id_, now_us, channel, bytes);
     ChannelCount& count = channels_[std::string(channel)];
     ++count.messages;
     count.bytes += static_cast<std::int64_t>(bytes.size());
-    if (bus == BusId::kSwarm) return audit_.hear(bytes);
+    if (bus == BusId::kSwarm) return audit_.collect(bytes);
     if (channel == channel::kSetpoint)
       world_.simulation.on_setpoint(index_, bytes);
+    else if (channel == channel::kOwnTrajectory)
+      world_.simulation.on_own_trajectory(index_, bytes);
     else if (channel == channel::kMapStatus)
       read(bytes, &map_status_);
     else if (channel == channel::kBroadcastStatus)
       read(bytes, &broadcast_status_);
-    else if (channel == channel::kPlannerStatus && read(bytes, &planner_status_))
-      note_plan();
+    else if (channel == channel::kPlannerStatus)
+      note_plan(bytes);
   }
 
   std::int64_t step(std::int64_t now_us, Outbox& outbox) override {
@@ -161,10 +172,14 @@ class RobotEnvironment : public Node {
     }
     return robot;
   }
-  const CommitAudit& audit() const { return audit_; }
   std::int32_t lost() const { return broadcast_status_.lost; }
 
  private:
+  bool is_own(std::span<const std::uint8_t> bytes) const {
+    sogm_swarm::announcement_t message;
+    return decode(bytes, &message) == Refusal::kNone && message.header.robot_id == id_;
+  }
+
   template <class Status>
   bool read(std::span<const std::uint8_t> bytes, Status* status) {
     Status newest{};
@@ -173,7 +188,13 @@ class RobotEnvironment : public Node {
     return true;
   }
 
-  void note_plan() {
+  void note_plan(std::span<const std::uint8_t> bytes) {
+    const sogm_swarm::planner_status_t before = planner_status_;
+    if (!read(bytes, &planner_status_)) return;
+    if (planner_status_.header.boot != before.header.boot) {  // it counts from 0 again
+      plans_before_ -= before.plans;
+      missed_before_ -= before.missed;
+    }
     if (world_.t_s(planner_status_.header.utime) < 0.0 || planner_status_.plans == plans_seen_) return;
     plans_seen_ = planner_status_.plans;
     const sogm_swarm::planner_status_t& s = planner_status_;
@@ -185,9 +206,9 @@ class RobotEnvironment : public Node {
   std::size_t index_;
   int id_;
   std::int64_t sensor_period_us_;
-  bool hears_swarm_;
+  bool hears_swarm_, own_swarm_bus_;
   BusLog* logs_;
-  CommitAudit audit_;
+  CommitAudit& audit_;
   std::int64_t last_tick_us_ = 0, last_detection_ = -1, next_goal_us_ = 0;
   sogm_swarm::map_status_t map_status_{};
   sogm_swarm::planner_status_t planner_status_{};
@@ -195,6 +216,62 @@ class RobotEnvironment : public Node {
   std::int32_t plans_seen_ = 0, plans_before_ = 0, missed_before_ = 0;
   PlanningSamples step_ms_;
   std::map<std::string, ChannelCount, std::less<>> channels_;
+};
+
+// As long as it lives this thread is in a network namespace: sockets and children made meanwhile stay in there.
+class InNamespace {
+ public:
+  explicit InNamespace(const std::string& name) {  // empty: where it is
+    if (name.empty()) return;
+    home_ = ::open("/proc/self/ns/net", O_RDONLY | O_CLOEXEC);
+    const std::string path = "/run/netns/" + name;
+    const int there = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+    const bool entered = there >= 0 && ::setns(there, CLONE_NEWNET) == 0;
+    const std::string reason = std::strerror(errno);
+    if (there >= 0) ::close(there);
+    if (!entered) throw std::runtime_error(path + ": cannot be entered: " + reason);
+  }
+  ~InNamespace() {
+    if (home_ < 0) return;
+    (void)::setns(home_, CLONE_NEWNET);
+    ::close(home_);
+  }
+  InNamespace(const InNamespace&) = delete;
+  InNamespace& operator=(const InNamespace&) = delete;
+
+ private:
+  int home_ = -1;
+};
+
+// A daemon as the supervisor starts it.
+struct DaemonProgram {
+  std::string name;
+  std::filesystem::path program;
+  std::vector<std::string> arguments;
+  std::filesystem::path log;
+  std::string netns;
+
+  void start(ChildProcesses& children) const {
+    const InNamespace there(netns);
+    children.start(name, program, arguments, log);
+  }
+};
+
+// A daemon that crashes in flight, and is started again.
+struct Supervised {
+  Kill kill;
+  const DaemonProgram* daemon;
+  bool is_down = false, was_down = false;
+
+  void follow(double t_s, ChildProcesses& children) {
+    if (!was_down && t_s >= kill.at_s) {
+      is_down = was_down = true;
+      children.kill(daemon->name);
+    } else if (is_down && t_s >= kill.back_s) {
+      is_down = false;
+      daemon->start(children);
+    }
+  }
 };
 
 // A daemon's config file: what its --print-config would print.
@@ -215,8 +292,13 @@ void write_config(Config config, const std::string& onboard_url, const std::stri
 std::string onboard_url(int port) {
   return "udpm://239.255.76.67:" + std::to_string(port) + "?ttl=0";
 }
-std::string swarm_url(int port) {
-  return "udpm://239.255.76.68:" + std::to_string(port) + "?ttl=0";
+std::string swarm_url(int port, int ttl = 0) {
+  return "udpm://239.255.76.68:" + std::to_string(port) + "?ttl=" + std::to_string(ttl);
+}
+
+// Where the radio between robots is modelled, each has a swarm bus of its own.
+std::string own_swarm_url(int port) {
+  return "udpm://239.255.76.69:" + std::to_string(port) + "?ttl=0";
 }
 
 // Two swarms on the same ports would fly each other's trajectories.
@@ -246,21 +328,33 @@ RunReport run_processes(const World& world, const OccupiedCubes* static_map, con
   const std::filesystem::path programs =
       processes.programs.empty() ? std::filesystem::read_symlink("/proc/self/exe").parent_path() : processes.programs;
   const std::string swarm = swarm_url(processes.base_port);
-  refuse_used_bus(swarm);
+  if (processes.netns.empty()) refuse_used_bus(swarm);
   spdlog::set_level(spdlog::level::warn);
 
   Simulation simulation(world, static_map, options, trace);
+  const bool relayed = !options.link.perfect(), apart = !processes.netns.empty();
+  if (relayed && apart) throw OptionError("netns: between namespaces the network is what it is; no --link-... with it");
   RealtimeHost host;
   const std::int64_t now = wall_utime();
   World4D clock{simulation, progress, host, now - now % Simulation::kTick_us, std::nullopt};
+  Relay relay(options.link, seed_of(world.name), [&clock](std::int64_t utime) { return clock.t_s(utime); });
+  CommitAudit audit;
   std::vector<std::unique_ptr<RobotEnvironment>> robots;
+  std::vector<DaemonProgram> daemons;
   ChildProcesses children;
   for (std::size_t i = 0; i < world.robots.size(); ++i) {
     const WorldRobot& robot = world.robots[i];
     const std::string onboard = onboard_url(processes.base_port + 33 + robot.id);
+    const std::string netns = apart ? processes.netns + std::to_string(robot.id) : "";
+    const InNamespace there(netns);
+    const std::string robots_swarm = apart     ? swarm_url(processes.base_port, 1)
+                                     : relayed ? own_swarm_url(processes.base_port + 33 + 100 + robot.id)
+                                               : swarm;
+    const bool hears_swarm = relayed || apart || i == 0;
     robots.push_back(std::make_unique<RobotEnvironment>(clock, i, robot.id, std::llround(1e6 / options.sensor_rate_hz),
-                                                        i == 0, logs));
-    host.add("robot " + std::to_string(robot.id), *robots.back(), onboard, i == 0 ? swarm : "");
+                                                        hears_swarm, relayed || apart, audit, logs));
+    host.add("robot " + std::to_string(robot.id), *robots.back(), onboard, hears_swarm ? robots_swarm : "");
+    if (relayed) host.add("relay of robot " + std::to_string(robot.id), relay.add_robot(robot.id), "", robots_swarm);
 
     const auto file = [&](const char* daemon, const char* ending) {
       return out / ("robot" + std::to_string(robot.id) + "-" + daemon + ending);
@@ -269,20 +363,35 @@ RunReport run_processes(const World& world, const OccupiedCubes* static_map, con
     write_config(planner_config(world, robot, options), onboard, nullptr, file("planner", ".cfg"));
     BroadcastConfig broadcast = broadcast_config(world, robot, options);
     broadcast.state_dir = temporary.path().string();
-    write_config(broadcast, onboard, &swarm, file("broadcast", ".cfg"));
-    for (const char* daemon : {"map", "planner", "broadcast"}) {
+    write_config(broadcast, onboard, &robots_swarm, file("broadcast", ".cfg"));
+    for (const char* daemon : kDaemons) {
       const std::string program = std::string(daemon) + "_daemon";
-      children.start("robot " + std::to_string(robot.id) + "'s " + program, programs / program,
-                     {"--config", file(daemon, ".cfg").string()}, file(daemon, ".log"));
+      daemons.push_back({"robot " + std::to_string(robot.id) + "'s " + program,
+                         programs / program,
+                         {"--config", file(daemon, ".cfg").string()},
+                         file(daemon, ".log"),
+                         netns});
+      std::filesystem::remove(daemons.back().log);  // of an earlier flight
+      daemons.back().start(children);
     }
   }
+  std::vector<Supervised> kills;
+  for (const Kill& kill : options.kills) {
+    const auto robot = std::ranges::find(world.robots, kill.robot_id, &WorldRobot::id);
+    if (robot == world.robots.end()) throw OptionError("kill: the world has no robot " + std::to_string(kill.robot_id));
+    kills.push_back(
+        {kill, &daemons[kDaemons.size() * static_cast<std::size_t>(robot - world.robots.begin()) + kill.daemon]});
+  }
 
-  // Ten times a second: are all children alive, and is everybody ready?
+  // Are all children alive, and is everybody ready? Daemons that shall crash do.
   std::optional<std::string> failure;
   boost::asio::steady_timer timer(host.io());
   std::function<void(const boost::system::error_code&)> watch = [&](const boost::system::error_code& error) {
     if (error) return;
     failure = children.find_ended();
+    if (clock.start_us) {
+      for (Supervised& kill : kills) kill.follow(clock.t_s(clock.now_us), children);
+    }
     std::string missing;
     for (const auto& robot : robots) {
       if (!robot->missing().empty()) missing = "robot " + std::to_string(robot->id()) + "'s " + robot->missing();
@@ -297,7 +406,7 @@ RunReport run_processes(const World& world, const OccupiedCubes* static_map, con
       host.stop();
       return;
     }
-    timer.expires_after(100ms);
+    timer.expires_after(20ms);
     timer.async_wait(watch);
   };
   watch({});
@@ -317,8 +426,9 @@ RunReport run_processes(const World& world, const OccupiedCubes* static_map, con
       report.channels[name].bytes += count.bytes;
     }
     report.channels[channel::kTrajectory].lost += robot->lost();
-    report.commit_conflicts += static_cast<std::int64_t>(robot->audit().conflicts().size());
   }
+  audit.finish();
+  report.commit_conflicts = static_cast<std::int64_t>(audit.conflicts().size());
   return report;
 }
 

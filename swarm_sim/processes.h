@@ -14,8 +14,9 @@
 namespace swarm {
 
 struct ProcessOptions {
-  int base_port = 7667;            // swarm bus; robot k's onboard bus is base_port + 33 + k
-  std::filesystem::path out;       // the daemons' config files and output go here; empty: a temporary directory
+  int base_port = 7667;       // swarm bus; robot k's onboard bus is base_port + 33 + k
+  std::string netns;          // robot k is in the network namespace of this name and its number; empty: all are here
+  std::filesystem::path out;  // the daemons' config files and output go here; empty: a temporary directory
   std::filesystem::path programs;  // where the daemons are; empty: beside this program
 };
 

@@ -38,7 +38,12 @@ void declare(OptionSet& options, RunOptions& run) {
               "directory for trace.csv, report.json and the LCM logs; none: only the table is printed");
   declare(options, run.flight);
   options.add("base-port", &run.processes.base_port, 1024, 60000, "",
-              "processes: port of the swarm bus is this, robot k's onboard bus this + 33 + k");
+              "processes: port of the swarm bus is this, robot k's onboard bus this + 33 + k, its own "
+              "swarm bus over a modelled link this + 133 + k");
+  options.add(
+      "netns", &run.processes.netns,
+      "processes: robot k's daemons and buses are in the network namespace of this name and k (needs root); none: "
+      "all are in this one");
 }
 
 // One line that renews itself on a terminal, and a line every ten simulated seconds elsewhere.
@@ -92,8 +97,6 @@ int run_command(int argc, const char* const* argv) try {
   declare(options, run);
   if (options.parse(argc, argv, std::cout) == OptionSet::Parsed::kExit) return 0;
   const FlightOptions flight = flight_options(run.flight);  // bad input is found before anything is made
-  if (run.mode == "processes" && !flight.link.perfect())
-    throw OptionError("--link-...: only with --mode lockstep; between processes the network is what it is");
 
   const World world = read_listed_world(run.world);
   std::optional<OccupiedCubes> static_map;

@@ -8,6 +8,7 @@ namespace swarm {
 namespace {
 
 constexpr double kSideRoom_m = 1.0;
+constexpr std::int64_t kSetpointTimeout_us = 50'000;
 
 sogm_swarm::obstacle_t to_message(int id, const Shape& shape, const ObstacleState& state, bool moves) {
   sogm_swarm::obstacle_t message{};
@@ -64,10 +65,8 @@ Simulation::Simulation(const World& world, const OccupiedCubes* static_map, cons
     : world_(world), judge_(world, static_map, options.time_limit_s), trace_(trace) {
   for (const WorldRobot& robot : world.robots) {
     const HeaderSource headers(robot.id, 0);
-    Vehicle vehicle{
-        .state = {}, .setpoint = {}, .state_headers = headers, .obstacle_headers = headers, .goal_headers = headers};
+    Vehicle& vehicle = vehicles_.emplace_back(headers);
     vehicle.state.position = robot.start;
-    vehicles_.push_back(vehicle);
   }
   states_.resize(vehicles_.size());
 }
@@ -82,9 +81,20 @@ void Simulation::on_setpoint(std::size_t index, std::span<const std::uint8_t> by
   vehicle.flying = true;
 }
 
+void Simulation::on_own_trajectory(std::size_t index, std::span<const std::uint8_t> bytes) {
+  sogm_swarm::announcement_t message;
+  if (decode(bytes, &message) != Refusal::kNone || message.header.robot_id != world_.robots[index].id) return;
+  Trajectory announced;  // not committed
+  read_announcement(message, &vehicles_[index].motion.emplace(), &announced);
+}
+
 void Simulation::settle(std::int64_t utime) {
   for (Vehicle& vehicle : vehicles_) {
     if (!vehicle.flying) continue;
+    if (utime - vehicle.setpoint.header.utime > kSetpointTimeout_us && vehicle.motion) {
+      vehicle.state = vehicle.motion->at(utime);
+      continue;
+    }
     const double dt = 1e-6 * static_cast<double>(utime - vehicle.setpoint.header.utime);
     const Eigen::Vector3d p(vehicle.setpoint.position), v(vehicle.setpoint.velocity);
     const Eigen::Vector3d a(vehicle.setpoint.acceleration), j(vehicle.setpoint.jerk);

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -10,6 +11,7 @@
 #include "map_daemon/map_node.h"
 #include "planner_daemon/broadcast_node.h"
 #include "planner_daemon/planner_node.h"
+#include "swarm_sim/faults.h"
 #include "swarm_sim/judge.h"
 #include "swarm_sim/link_model.h"
 #include "swarm_sim/recorder.h"
@@ -26,6 +28,7 @@ struct FlightOptions {
   PlannerNodeConfig planner;
   BroadcastConfig broadcast;
   LinkOptions link;  // between robots
+  std::vector<Kill> kills;
 };
 
 // The daemons' configurations for one robot of a world.
@@ -45,6 +48,8 @@ class Simulation {
 
   // A setpoint message of robot `index` (in the world's order); anything else is ignored.
   void on_setpoint(std::size_t index, std::span<const std::uint8_t> bytes);
+  // The robot's own announcement: its flight controller follows what it is bound to while there are no setpoints.
+  void on_own_trajectory(std::size_t index, std::span<const std::uint8_t> bytes);
   // Moves the robots to world time `t_s` >= 0 (perfect tracking: the newest setpoint, carried on to `utime`), then
   // judges and traces. To be called every kTick_us. Before the start of the world only `settle` is called.
   void tick(double t_s, std::int64_t utime);
@@ -59,10 +64,14 @@ class Simulation {
 
  private:
   struct Vehicle {
+    explicit Vehicle(const HeaderSource& headers)
+        : state_headers(headers), obstacle_headers(headers), goal_headers(headers) {}
+
     MotionState state;
     double yaw_rad = 0.0;
     sogm_swarm::setpoint_t setpoint{};
-    bool flying = false;  // a setpoint was received
+    bool flying = false;           // a setpoint was received
+    std::optional<Motion> motion;  // it is bound to
     HeaderSource state_headers, obstacle_headers, goal_headers;
   };
 

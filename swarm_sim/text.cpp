@@ -2,9 +2,27 @@
 
 #include <algorithm>
 #include <charconv>
+#include <cmath>
 #include <limits>
 
 namespace swarm {
+namespace {
+
+template <class Number>
+bool read(const std::string& text, Number* number) {
+  const char* end = text.data() + text.size();
+  const auto [stop, error] = std::from_chars(text.data(), end, *number);
+  return error == std::errc() && stop == end && std::isfinite(static_cast<double>(*number)) && *number >= 0;
+}
+
+}  // namespace
+
+bool read_amount(const std::string& text, double* amount) {
+  return read(text, amount);
+}
+bool read_amount(const std::string& text, int* amount) {
+  return read(text, amount);
+}
 
 std::string text_of(double value) {
   char buffer[32];

@@ -12,6 +12,10 @@ std::string text_of(double value);                                     // 1.5
 std::string text_of(const Eigen::Ref<const Eigen::VectorXd>& values);  // [1,2.5,0]
 void append_fixed(double value, int decimals, std::string* text);      // always `decimals` digits after the point
 
+// All of `text` as one finite number >= 0; false: it is none.
+bool read_amount(const std::string& text, double* amount);
+bool read_amount(const std::string& text, int* amount);
+
 // What stands between the separators: one part more than there are of them.
 std::vector<std::string> split(const std::string& text, char separator);
 

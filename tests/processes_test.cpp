@@ -92,6 +92,26 @@ TEST_F(Processes, FlyToTheEnd) {
   for (const auto& robot : report["robots"]) EXPECT_GT(robot["clearance"]["robots"]["distance"], 0.0);
 }
 
+// Each daemon crashes once, one robot is out of reach for three seconds, and the radio is bad.
+TEST_F(Processes, FlyOverABadRadioThroughCrashes) {
+  std::vector<std::string> words = command("run");
+  words.insert(words.end(), {"--link-delay-ms", "100", "--link-jitter-ms", "50", "--link-loss", "0.2", "--link-outage",
+                             "1:1:4", "--kill", "planner:0@0.5,map:1@1,broadcast:0@1.5,broadcast:1@2-3"});
+  const Finished finished = run_program(words, 120.0);
+  const Finished audit = run_program({"swarm_sim", "audit", (directory_ / "run/swarm.lcm").string()});
+  EXPECT_EQ(audit.exit_code, 0) << audit.out << audit.err;
+  const auto report = nlohmann::json::parse(read_text(directory_ / "run/report.json"));
+  EXPECT_TRUE(report["touches"].empty()) << finished.out;
+  EXPECT_EQ(report["commit_conflicts"], 0);
+  for (const char* daemon : {"robot0-planner", "robot1-map", "robot0-broadcast", "robot1-broadcast"}) {
+    const std::string log = read_text(directory_ / "run" / (std::string(daemon) + ".log"));
+    const std::size_t started = log.find("onboard bus");
+    EXPECT_NE(log.find("onboard bus", started + 1), log.npos) << log;  // twice
+  }
+  if (kSanitized) return;
+  EXPECT_EQ(finished.exit_code, 0) << finished.out << finished.err;
+}
+
 TEST_F(Processes, InterruptEndsAllAndLeavesNoResult) {
   Program program(command("run"));
   wait_until_it_flies(program);

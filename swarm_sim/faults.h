@@ -1,0 +1,24 @@
+// Daemons that are killed in flight and started again by a supervisor, as systemd would do it.
+#pragma once
+
+#include <array>
+#include <string>
+#include <vector>
+
+namespace swarm {
+
+inline constexpr std::array<const char*, 3> kDaemons = {"map", "planner", "broadcast"};
+
+struct Kill {
+  std::size_t daemon = 0;  // index into kDaemons
+  int robot_id = 0;
+  double at_s = 0.0, back_s = 0.0;  // world times: killed, started again
+};
+
+inline constexpr double kRestart_s = 0.1;  // the supervisor's delay
+
+// "DAEMON:ROBOT@AT_S" or "DAEMON:ROBOT@AT_S-BACK_S", several separated by commas; empty: none. Throws OptionError with
+// the part that is wrong.
+std::vector<Kill> parse_kills(const std::string& text);
+
+}  // namespace swarm
