@@ -1,14 +1,9 @@
 #include "swarm_sim/processes.h"
 
-#include <fcntl.h>
-#include <sched.h>
 #include <spdlog/spdlog.h>
-#include <unistd.h>
 
 #include <boost/asio/steady_timer.hpp>
-#include <cerrno>
 #include <chrono>
-#include <cstring>
 #include <fstream>
 #include <iostream>
 #include <map>
@@ -19,9 +14,9 @@
 #include "lcmtypes/bus/channels.h"
 #include "lcmtypes/bus/lcm_bus.h"
 #include "lcmtypes/bus/realtime_host.h"
-#include "swarm_sim/child_processes.h"
 #include "swarm_sim/commit_audit.h"
 #include "swarm_sim/relay.h"
+#include "swarm_sim/supervisor.h"
 
 namespace swarm {
 namespace {
@@ -218,62 +213,6 @@ class RobotEnvironment : public Node {
   std::map<std::string, ChannelCount, std::less<>> channels_;
 };
 
-// As long as it lives this thread is in a network namespace: sockets and children made meanwhile stay in there.
-class InNamespace {
- public:
-  explicit InNamespace(const std::string& name) {  // empty: where it is
-    if (name.empty()) return;
-    home_ = ::open("/proc/self/ns/net", O_RDONLY | O_CLOEXEC);
-    const std::string path = "/run/netns/" + name;
-    const int there = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
-    const bool entered = there >= 0 && ::setns(there, CLONE_NEWNET) == 0;
-    const std::string reason = std::strerror(errno);
-    if (there >= 0) ::close(there);
-    if (!entered) throw std::runtime_error(path + ": cannot be entered: " + reason);
-  }
-  ~InNamespace() {
-    if (home_ < 0) return;
-    (void)::setns(home_, CLONE_NEWNET);
-    ::close(home_);
-  }
-  InNamespace(const InNamespace&) = delete;
-  InNamespace& operator=(const InNamespace&) = delete;
-
- private:
-  int home_ = -1;
-};
-
-// A daemon as the supervisor starts it.
-struct DaemonProgram {
-  std::string name;
-  std::filesystem::path program;
-  std::vector<std::string> arguments;
-  std::filesystem::path log;
-  std::string netns;
-
-  void start(ChildProcesses& children) const {
-    const InNamespace there(netns);
-    children.start(name, program, arguments, log);
-  }
-};
-
-// A daemon that crashes in flight, and is started again.
-struct Supervised {
-  Kill kill;
-  const DaemonProgram* daemon;
-  bool is_down = false, was_down = false;
-
-  void follow(double t_s, ChildProcesses& children) {
-    if (!was_down && t_s >= kill.at_s) {
-      is_down = was_down = true;
-      children.kill(daemon->name);
-    } else if (is_down && t_s >= kill.back_s) {
-      is_down = false;
-      daemon->start(children);
-    }
-  }
-};
-
 // A daemon's config file: what its --print-config would print.
 template <class Config>
 void write_config(Config config, const std::string& onboard_url, const std::string* swarm_url,
@@ -379,8 +318,8 @@ RunReport run_processes(const World& world, const OccupiedCubes* static_map, con
   for (const Kill& kill : options.kills) {
     const auto robot = std::ranges::find(world.robots, kill.robot_id, &WorldRobot::id);
     if (robot == world.robots.end()) throw OptionError("kill: the world has no robot " + std::to_string(kill.robot_id));
-    kills.push_back(
-        {kill, &daemons[kDaemons.size() * static_cast<std::size_t>(robot - world.robots.begin()) + kill.daemon]});
+    const auto place = static_cast<std::size_t>(robot - world.robots.begin());
+    kills.emplace_back(kill, daemons[kDaemons.size() * place + kill.daemon]);
   }
 
   // Are all children alive, and is everybody ready? Daemons that shall crash do.

@@ -112,7 +112,10 @@ TEST(RunCommand, BadOptionsAreRefusedByNameValueAndRule) {
   expect({"--sensor-rate", "1000"}, {"--sensor-rate 1000", "[1, 100] Hz"});
   expect({"--link-loss", "1.5"}, {"--link-loss 1.5", "[0, 1]"});
   expect({"--link-outage", "1:3:2"}, {"--link-outage", "1:3:2", "ROBOT:FROM_S:TO_S"});
-  expect({"--mode", "processes", "--link-delay-ms", "5"}, {"--link-", "--mode lockstep"});
+  expect({"--mode", "processes", "--netns", "far", "--link-delay-ms", "5"}, {"netns", "--link-"});
+  expect({"--kill", "map@1"}, {"--kill", "map@1", "DAEMON:ROBOT@AT_S"});
+  expect({"--kill", "map:9@1"}, {"kill", "no robot 9"});
+  expect({"--kill", "map:9@1", "--mode", "processes"}, {"kill", "no robot 9"});
   expect({"--base-port", "80"}, {"--base-port 80", "[1024, 60000]"});
   expect({"--mode", "warp"}, {"--mode warp", "lockstep or processes"});
   expect({"--config", directory / "none.cfg"}, {"none.cfg", "cannot be read"});

@@ -53,6 +53,35 @@ TEST(Generator, CircleSendsEachRobotToItsAntipode) {
       << "they would overlap";
 }
 
+TEST(Generator, RandomGoalsAreApartFromEachOtherAndAwayFromTheStarts) {
+  const Fleet fleet{.robots = 60, .robot_m = 0.15, .speed_mps = 1.0, .acceleration_mps2 = 2.0, .space_m = {12, 10, 4}};
+  const World world = make_world(Task::kRandom, Environment::kEmpty, 0, 5, fleet);
+  ASSERT_EQ(world.robots.size(), 60u);
+  EXPECT_EQ(world.speed_mps, 1.0);
+  EXPECT_EQ(world.acceleration_mps2, 2.0);
+  EXPECT_EQ(world.space.max, Eigen::Vector3d(6, 5, 4));
+  EXPECT_EQ(world.space.min, Eigen::Vector3d(-6, -5, 0));
+  for (const WorldRobot& robot : world.robots) {
+    EXPECT_EQ(robot.radius_m, 0.15);
+    EXPECT_GE((robot.goal - robot.start).norm(), 10.0 / 4);
+    for (const Eigen::Vector3d& place : {robot.start, robot.goal}) {
+      EXPECT_TRUE((place.array() >= world.space.min.array() + 0.3 - 1e-6).all()) << place.transpose();
+      EXPECT_TRUE((place.array() <= world.space.max.array() - 0.3 + 1e-6).all()) << place.transpose();
+    }
+    for (const WorldRobot& other : world.robots) {
+      if (&other == &robot) break;
+      EXPECT_GE((robot.start - other.start).norm(), 0.6);
+      EXPECT_GE((robot.goal - other.goal).norm(), 0.6);
+    }
+  }
+  EXPECT_EQ(world, make_world(Task::kRandom, Environment::kEmpty, 0, 5, fleet));
+  EXPECT_FALSE(world == make_world(Task::kRandom, Environment::kEmpty, 0, 6, fleet));
+  EXPECT_THROW(make_world(Task::kRandom, Environment::kEmpty, 0, 1, {.robots = 60, .space_m = {2, 2, 1}}), WorldError);
+  EXPECT_THROW(make_world(Task::kRandom, Environment::kEmpty, 0, 1, {.space_m = {0.5, 5, 5}}), WorldError);
+  EXPECT_THROW(make_world(Task::kRandom, Environment::kEmpty, 0, 1, {.circle_m = 5}), WorldError);
+  EXPECT_THROW(make_world(Task::kCross, Environment::kEmpty, 0, 1, {.robots = 5}), WorldError);
+}
+
 // Collects values that should be uniform on [low, high].
 struct Uniformity {
   double low, high;

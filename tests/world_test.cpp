@@ -158,7 +158,7 @@ struct BadCase {
 TEST(WorldJson, RefusesBadInputWithOneClearLine) {
   const std::string robot0 = R"({"id": 0, "start": [-8,0,1], "goal": [8,0,1], "radius": 0.2})";
   std::string crowd;
-  for (int i = 0; i < 41; ++i) {
+  for (int i = 0; i < 61; ++i) {
     const std::string id = std::to_string(i), x = std::to_string(i * 0.39 - 8);
     crowd.append(i == 0 ? "[" : ",").append(R"({"id": )").append(id).append(R"(, "start": [)").append(x);
     crowd.append(R"(, 0, 1], "goal": [)").append(x).append(R"(, 1, 1], "radius": 0.1})");
@@ -229,7 +229,7 @@ TEST(WorldJson, RefusesBadInputWithOneClearLine) {
       {"[" + robot0 + R"(, {"id": 1, "start": [8,1,1], "goal": [-8,1,1.0], "radius": 0.2}])", "[]",
        "robots: 0 robots must be in [1, 60]"},
       {"[" + robot0 + R"(, {"id": 1, "start": [8,1,1], "goal": [-8,1,1.0], "radius": 0.2}])", crowd + "]",
-       "robots: 41 robots must be in [1, 60]"},
+       "robots: 61 robots must be in [1, 60]"},
       {"[" + robot0, "{}, [" + robot0, "must be JSON: "},
       {kGood, "[]", "[] must be an object"},
       {kGood, "", "must be JSON: "},
