@@ -12,9 +12,10 @@
 //     (this robot holds the pair, or the peer acknowledged P) and P is free of what it acknowledged and, if it holds,
 //     free of the peer's C. The commit is on disk before it is announced or flown.
 //  4. Withdraw P at t_b, or when a holder refuses it. A number is never used again.
-//  5. Restart: C comes from the disk, `boot` grows. A new boot of a peer voids what it acknowledged, its P and the
-//     verdict on it. Nothing is committed before every peer has echoed the new boot: it then no longer relies on
-//     anything this robot said before the crash.
+//  5. Restart: C comes from the disk, `boot` grows (where nothing was kept, or the robot is elsewhere, C is to hover
+//     where it is: nobody was asked, but that is where it is). A new boot of a peer voids what it acknowledged, its P
+//     and the verdict on it. Nothing is committed before every peer has echoed the new boot: it then no longer relies
+//     on anything this robot said before the crash.
 // Every announcement is the whole state (C, P, verdicts), repeated for ever, and only newer ones (boot, seq) are read:
 // so losses heal, and duplicates and reordering change nothing.
 //

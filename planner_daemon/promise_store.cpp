@@ -3,6 +3,7 @@
 #include <exception>
 #include <fstream>
 #include <iterator>
+#include <limits>
 #include <string_view>
 
 #include "lcmtypes/bus/atomic_file.h"
@@ -24,7 +25,9 @@ bool FilePromiseStore::save(std::span<const std::uint8_t> bytes) try {
 
 KeptPromise load_promise(PromiseStore& store, int robot_id, std::int32_t first_boot) {
   sogm_swarm::announcement_t kept;
-  if (decode(store.load(), &kept) != Refusal::kNone || kept.header.robot_id != robot_id) return {first_boot, {}};
+  if (decode(store.load(), &kept) != Refusal::kNone || kept.header.robot_id != robot_id ||
+      kept.header.boot == std::numeric_limits<std::int32_t>::max())
+    return {first_boot, {}};
   KeptPromise promise{kept.header.boot + 1, Motion()};
   Trajectory announced;  // nobody can have committed it
   read_announcement(kept, &*promise.motion, &announced);
