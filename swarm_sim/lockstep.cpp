@@ -35,7 +35,7 @@ class LockstepHost {
         logs_(logs),
         simulation_(world, static_map, options, trace) {
     for (const WorldRobot& robot : world.robots) robots_.emplace_back(world, robot, options);
-    for (const Kill& kill : options.kills) kills_.push_back({kill, robot_index(kill.robot_id)});
+    for (const Kill& kill : options.kills) kills_.push_back({kill, index_of_robot(world, kill.robot_id, "kill")});
     sensor_period_us_ = static_cast<std::int64_t>(1e6 / options.sensor_rate_hz);
   }
 
@@ -242,11 +242,6 @@ class LockstepHost {
     }
   }
   std::int32_t boot() const { return static_cast<std::int32_t>(now_us_ / 1'000'000); }
-  std::size_t robot_index(int id) const {
-    const auto robot = std::ranges::find(world_.robots, id, &WorldRobot::id);
-    if (robot == world_.robots.end()) throw OptionError("kill: the world has no robot " + std::to_string(id));
-    return static_cast<std::size_t>(robot - world_.robots.begin());
-  }
 
   template <class T>
   void send_message(std::size_t robot, const char* channel, const T& message) {

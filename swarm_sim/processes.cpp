@@ -316,9 +316,7 @@ RunReport run_processes(const World& world, const OccupiedCubes* static_map, con
   }
   std::vector<Supervised> kills;
   for (const Kill& kill : options.kills) {
-    const auto robot = std::ranges::find(world.robots, kill.robot_id, &WorldRobot::id);
-    if (robot == world.robots.end()) throw OptionError("kill: the world has no robot " + std::to_string(kill.robot_id));
-    const auto place = static_cast<std::size_t>(robot - world.robots.begin());
+    const std::size_t place = index_of_robot(world, kill.robot_id, "kill");
     kills.emplace_back(kill, daemons[kDaemons.size() * place + kill.daemon]);
   }
 

@@ -60,6 +60,13 @@ BroadcastConfig broadcast_config(const World& world, const WorldRobot& robot, co
   return config;
 }
 
+std::size_t index_of_robot(const World& world, int id, const char* option) {
+  const auto robot = std::ranges::find(world.robots, id, &WorldRobot::id);
+  if (robot == world.robots.end())
+    throw OptionError(std::string(option) + ": the world has no robot " + std::to_string(id));
+  return static_cast<std::size_t>(robot - world.robots.begin());
+}
+
 Simulation::Simulation(const World& world, const OccupiedCubes* static_map, const FlightOptions& options,
                        TraceWriter* trace)
     : world_(world), judge_(world, static_map, options.time_limit_s), trace_(trace) {
@@ -69,6 +76,8 @@ Simulation::Simulation(const World& world, const OccupiedCubes* static_map, cons
     vehicle.state.position = robot.start;
   }
   states_.resize(vehicles_.size());
+  for (const Kill& kill : options.kills) (void)index_of_robot(world, kill.robot_id, "kill");
+  for (const LinkOutage& outage : options.link.outages) (void)index_of_robot(world, outage.robot_id, "link-outage");
 }
 
 void Simulation::on_setpoint(std::size_t index, std::span<const std::uint8_t> bytes) {

@@ -36,11 +36,15 @@ MapConfig map_config(const World& world, const WorldRobot& robot, const FlightOp
 PlannerNodeConfig planner_config(const World& world, const WorldRobot& robot, const FlightOptions& options);
 BroadcastConfig broadcast_config(const World& world, const WorldRobot& robot, const FlightOptions& options);
 
+// Of a robot in the world's order, by its id. Throws OptionError, beginning with `option`, where there is none.
+std::size_t index_of_robot(const World& world, int id, const char* option);
+
 class Simulation {
  public:
   static constexpr std::int64_t kTick_us = 10'000;
 
-  // All arguments must outlive the simulation; `static_map` and `trace` may be null.
+  // All arguments must outlive the simulation; `static_map` and `trace` may be null. Throws OptionError where the
+  // options name a robot that the world has not.
   Simulation(const World& world, const OccupiedCubes* static_map, const FlightOptions& options, TraceWriter* trace);
 
   std::size_t num_robots() const { return vehicles_.size(); }

@@ -115,6 +115,7 @@ TEST(RunCommand, BadOptionsAreRefusedByNameValueAndRule) {
   expect({"--mode", "processes", "--netns", "far", "--link-delay-ms", "5"}, {"netns", "--link-"});
   expect({"--kill", "map@1"}, {"--kill", "map@1", "DAEMON:ROBOT@AT_S"});
   expect({"--kill", "map:9@1"}, {"kill", "no robot 9"});
+  expect({"--link-outage", "9:1:2"}, {"link-outage", "no robot 9"});
   expect({"--kill", "map:9@1", "--mode", "processes"}, {"kill", "no robot 9"});
   expect({"--base-port", "80"}, {"--base-port 80", "[1024, 60000]"});
   expect({"--mode", "warp"}, {"--mode warp", "lockstep or processes"});
