@@ -101,7 +101,7 @@ Refusal BroadcastNode::on_state(std::int64_t now_us, std::span<const std::uint8_
   const Eigen::Vector3d position(state.position);
   Motion first = kept_.motion.value_or(Motion{Trajectory::hover(1, now_us, position), {}});
   if ((first.at(now_us).position - position).norm() > kResume_m) {  // it has been carried, or has lost its way
-    first = {Trajectory::hover(std::max(first.committed.seq(), first.next.seq()) + 1, now_us, position), {}};
+    first = {Trajectory::hover(first.seq() + 1, now_us, position), {}};
   }
   protocol_.start(first);
   store_fails_ = !keep(now_us, protocol_.state());

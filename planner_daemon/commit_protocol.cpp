@@ -37,7 +37,7 @@ CommitProtocol::CommitProtocol(const Rules& rules) : rules_(rules) {
 
 void CommitProtocol::start(const Motion& motion) {
   motion_ = motion;
-  next_seq_ = std::max(motion.committed.seq(), motion.next.seq()) + 1;
+  next_seq_ = motion.seq() + 1;
   news_ = true;
 }
 

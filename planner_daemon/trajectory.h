@@ -91,6 +91,8 @@ struct Motion {
   }
   // First time later than `utime` at which the polynomial changes, or INT64_MAX.
   std::int64_t next_knot_after(std::int64_t utime) const;
+  // Of the trajectory it ends with.
+  std::int32_t seq() const { return next.empty() ? committed.seq() : next.seq(); }
   // The robot hovers from here on.
   std::int64_t end_utime() const { return next.empty() ? committed.end_utime() : next.end_utime(); }
 };

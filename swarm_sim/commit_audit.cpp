@@ -13,13 +13,10 @@
 
 namespace swarm {
 
-namespace {
-
-std::int32_t bound_to(const Motion& motion) {
-  return motion.next.empty() ? motion.committed.seq() : motion.next.seq();
+bool CommitAudit::Announcement::differs(const Announcement& other) const {
+  return std::tuple(header.boot, radius_m, motion.seq()) !=
+         std::tuple(other.header.boot, other.radius_m, other.motion.seq());
 }
-
-}  // namespace
 
 bool CommitAudit::read(std::span<const std::uint8_t> bytes, Announcement* announcement) {
   sogm_swarm::announcement_t message;
@@ -40,17 +37,16 @@ void CommitAudit::hear(const Announcement& announcement) {
   const int id = announcement.header.robot_id;
   Robot& robot = robots_[id];
   if (robot.gate.pass(announcement.header) != Refusal::kNone) return;
-  const bool is_new =
-      bound_to(announcement.motion) != bound_to(robot.motion) || announcement.radius_m != robot.radius_m;
-  robot.motion = announcement.motion;
-  robot.radius_m = announcement.radius_m;
+  const bool is_new = announcement.differs(robot.newest);
+  robot.newest = announcement;
   if (!is_new) return;
   ++motions_;
   const std::int64_t utime = announcement.header.utime;
   for (const auto& [other_id, other] : robots_) {
     if (other_id == id) continue;
-    if (motions_separated(robot.motion, other.motion, utime, robot.radius_m + other.radius_m)) continue;
-    conflicts_.push_back({utime, id, other_id, bound_to(robot.motion), bound_to(other.motion)});
+    const Announcement& theirs = other.newest;
+    if (motions_separated(announcement.motion, theirs.motion, utime, announcement.radius_m + theirs.radius_m)) continue;
+    conflicts_.push_back({utime, id, other_id, announcement.motion.seq(), theirs.motion.seq()});
   }
 }
 
@@ -58,10 +54,7 @@ void CommitAudit::collect(std::span<const std::uint8_t> bytes) {
   Announcement announcement;
   if (!read(bytes, &announcement)) return;
   const auto [newest, is_first] = newest_.try_emplace(announcement.header.robot_id, announcement);
-  const auto what = [](const Announcement& a) {
-    return std::tuple(a.header.boot, a.radius_m, a.motion.committed.seq(), a.motion.next.seq());
-  };
-  if (!is_first && what(newest->second) == what(announcement)) return;
+  if (!is_first && !announcement.differs(newest->second)) return;
   newest->second = announcement;
   collected_.push_back(announcement);
 }

@@ -35,14 +35,16 @@ class CommitAudit {
 
  private:
   struct Announcement {
-    sogm_swarm::header_t header;
+    sogm_swarm::header_t header{};
     double radius_m = 0.0;
     Motion motion;
+
+    // Says something else than `other`: not only that time has gone on.
+    bool differs(const Announcement& other) const;
   };
   struct Robot {
     SequenceGate gate;
-    double radius_m = 0.0;
-    Motion motion;
+    Announcement newest;
   };
   // False: it is none.
   static bool read(std::span<const std::uint8_t> bytes, Announcement* announcement);

@@ -51,14 +51,7 @@ Trial listed_trial(const std::string& text, const std::string& list_at) {
   const World world = trial.world();
   trial.task = world.name;
   trial.obstacles = static_cast<int>(world.obstacles.size());
-  std::vector<std::string> parts(1);
-  for (const char c : world.name) {
-    if (c == '-') {
-      parts.emplace_back();
-    } else {
-      parts.back() += c;
-    }
-  }
+  const std::vector<std::string> parts = split(world.name, '-');
   try {
     if (parts.size() != 4 || parts[3].empty() || parts[3].find_first_not_of("0123456789") != std::string::npos)
       return trial;

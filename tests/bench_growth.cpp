@@ -8,8 +8,8 @@
 #include <stdexcept>
 #include <vector>
 
-#include "planner_daemon/planner.h"
 #include "lcmtypes/bus/atomic_file.h"
+#include "planner_daemon/planner.h"
 #include "swarm_sim/report.h"
 #include "tests/random_map.h"
 #include "tests/random_motion.h"

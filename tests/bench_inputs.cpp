@@ -8,8 +8,8 @@
 #include <stdexcept>
 #include <utility>
 
-#include "lcmtypes/bus/channels.h"
 #include "lcmtypes/bus/atomic_file.h"
+#include "lcmtypes/bus/channels.h"
 #include "swarm_sim/flight_arguments.h"
 #include "swarm_sim/lockstep.h"
 #include "swarm_sim/trial.h"

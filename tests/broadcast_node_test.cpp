@@ -646,20 +646,6 @@ TEST(BroadcastNode, CommitsNothingWhileClocksDisagree) {
   EXPECT_EQ(robot.node.protocol().commits(), 1);
 }
 
-TEST(PromiseStore, TheFileIsReplacedAsAWhole) {
-  const TemporaryDirectory directory;
-  FilePromiseStore store(directory.path() / "robot0.promise");
-  EXPECT_TRUE(store.load().empty());
-  EXPECT_TRUE(store.save(Bytes{1, 2, 3}));
-  EXPECT_TRUE(store.save(Bytes{4}));
-  EXPECT_EQ(store.load(), Bytes{4});
-  EXPECT_EQ(FilePromiseStore(directory.path() / "robot0.promise").load(), Bytes{4});
-  EXPECT_FALSE(FilePromiseStore(directory.path() / "no" / "robot0.promise").save(Bytes{4}));
-
-  EXPECT_EQ(load_promise(store, 0, 7).boot, 7);  // damaged: as if there were none
-  EXPECT_FALSE(load_promise(store, 0, 7).motion);
-}
-
 TEST(BroadcastNode, StatusTellsWhatHappened) {
   Robot robot(1, false);
   robot.send_state();

@@ -15,9 +15,9 @@ using sogm_swarm::ack_t;
 using sogm_swarm::announcement_t;
 
 Bytes announcement(int robot, std::int64_t seq, const Trajectory& committed, const Trajectory& pending = {},
-                   std::int8_t state = announcement_t::kNone) {
+                   std::int8_t state = announcement_t::kNone, std::int32_t boot = 1) {
   announcement_t message{};
-  message.header = make_header(robot, 1, seq, kStart_us + seq * 1000);
+  message.header = make_header(robot, boot, seq, kStart_us + seq * 1000);
   message.radius = 0.2f;
   message.committed = committed.to_wire();
   message.pending = pending.to_wire();
@@ -53,6 +53,14 @@ TEST(CommitAudit, FindsWhatMeetsOnceItIsCommitted) {
   EXPECT_EQ(audit.conflicts()[0].other_seq, 2);
   audit.hear(Bytes{1, 2, 3});
   EXPECT_EQ(audit.motions(), 4);
+}
+
+TEST(CommitAudit, ARestartThatCountsFromTheBeginningIsAudited) {
+  CommitAudit audit;
+  audit.hear(announcement(0, 0, kHover0));
+  audit.hear(announcement(1, 5, kHover1));
+  audit.hear(announcement(1, 0, Trajectory::hover(1, kStart_us, {0.3, 0, 1}), {}, announcement_t::kNone, 2));
+  EXPECT_EQ(audit.conflicts().size(), 1u);
 }
 
 TEST(CommitAudit, ALogOfAFlightOverABadLinkIsClean) {
