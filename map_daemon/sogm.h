@@ -82,15 +82,21 @@ struct Sogm {
   int frame_at(std::int64_t utime) const;
 };
 
-// Sets the voxels of one column of `size` voxels whose centres lie in [low, high] (in voxels above the window's first
-// centre).
-inline void set_run(double low, double high, int size, std::uint64_t* column) {
+// Visits the words of a column of `size` voxels that hold voxels whose centres lie in [low, high] (in voxels above the
+// window's first centre), each with their bits.
+template <class Visit>
+void for_each_word_of_run(double low, double high, int size, const Visit& visit) {
   const int first = size - static_cast<int>(size - std::clamp<double>(low, 0.0, size));  // ceil
   const int last = static_cast<int>(std::clamp<double>(high + 1.0, 0.0, size)) - 1;      // floor
   for (int w = first >> 6; w <= last >> 6; ++w) {
     const int from = std::max(first - 64 * w, 0), to = std::min(last - 64 * w, 63);
-    if (from <= to) column[w] |= (~std::uint64_t{0} >> (63 - (to - from))) << from;
+    if (from <= to) visit(w, (~std::uint64_t{0} >> (63 - (to - from))) << from);
   }
+}
+
+// Sets them.
+inline void set_run(double low, double high, int size, std::uint64_t* column) {
+  for_each_word_of_run(low, high, size, [column](int word, std::uint64_t bits) { column[word] |= bits; });
 }
 
 }  // namespace swarm

@@ -45,7 +45,11 @@ void declare(OptionSet& options, BroadcastConfig& config) {
   options.add("setpoint-rate", &config.setpoint_rate_hz, 1, 1000, "Hz", "of setpoints");
   options.add("yaw-rate-max", &config.yaw_rate_max, 0, 100, "rad/s",
               "how fast the robot turns into its direction of flight");
-  options.add("clock-limit", &config.clock_limit_s, 0.001, 10, "s", "messages from further in the future are refused");
+  options.add("clock-error", &config.clock_error_s, 0, 1, "s",
+              "clocks of two robots differ by at most this: motions are kept apart for it, and nothing is committed "
+              "beyond it");
+  options.add("clock-limit", &config.clock_limit_s, 0.001, 10, "s",
+              "the robot's own messages from further in the future are refused");
   options.add("state-dir", &config.state_dir,
               "directory where the robot's promises survive a crash of the daemon; none: they do not");
 }
@@ -53,7 +57,7 @@ void declare(OptionSet& options, BroadcastConfig& config) {
 void verify(const BroadcastConfig& config) {
   std::set<int> robots(config.roster.begin(), config.roster.end());
   robots.insert(config.robot_id);
-  if (robots.size() > 63) throw OptionError("--roster: " + std::to_string(robots.size()) + " robots; at most 63");
+  if (robots.size() > 62) throw OptionError("--roster: " + std::to_string(robots.size()) + " robots; at most 62");
 }
 
 BroadcastNode::BroadcastNode(const BroadcastConfig& config, PromiseStore& store, std::int32_t first_boot)
@@ -63,9 +67,13 @@ BroadcastNode::BroadcastNode(const BroadcastConfig& config, PromiseStore& store,
       announcement_headers_(config.robot_id, kept_.boot),
       setpoint_headers_(config.robot_id, kept_.boot),
       status_headers_(config.robot_id, kept_.boot),
-      protocol_({config.robot_id, kept_.boot, config.roster, config.radius_m, config.separation_m}) {
+      protocol_(
+          {config.robot_id, kept_.boot, config.roster, config.radius_m, config.separation_m, config.clock_error_s}) {
+  std::set<int> robots(config.roster.begin(), config.roster.end());
+  robots.insert(config.robot_id);
+  places_.assign(robots.begin(), robots.end());
   for (const auto& [id, peer] : protocol_.peers()) links_[id];
-  gap_us_ = to_us(static_cast<double>(links_.size() + 1) / config.swarm_rate_hz);
+  gap_us_ = to_us(static_cast<double>(places_.size()) / config.swarm_rate_hz);
 }
 
 std::vector<Subscription> BroadcastNode::subscriptions() const {
@@ -127,7 +135,7 @@ Refusal BroadcastNode::on_candidate(std::int64_t now_us, std::span<const std::ui
   ++candidates_;
   const Trajectory candidate = Trajectory::from_wire(message.trajectory);
   Rejection rejection = examine(now_us, candidate);
-  if (rejection == Rejection::kNone) rejection = protocol_.propose(now_us, candidate);
+  if (rejection == Rejection::kNone) rejection = protocol_.propose(now_us, candidate, message.urgent != 0);
   ++rejected_[static_cast<std::size_t>(rejection)];
   return Refusal::kNone;
 }
@@ -160,21 +168,31 @@ Refusal BroadcastNode::on_peer(std::int64_t now_us, std::span<const std::uint8_t
   const auto entry = links_.find(id);
   if (entry == links_.end()) return Refusal::kRobot;
   Link& link = entry->second;
-  if (const Refusal refusal = check_time(message.header.utime, now_us, kMaxAge_us, to_us(config_.clock_limit_s));
+  if (const Refusal refusal = check_time(message.header.utime, now_us, kMaxAge_us, to_us(config_.clock_error_s));
       refusal != Refusal::kNone) {
     if (message.header.utime > now_us) clock_doubt_us_ = now_us;
     return refusal;
   }
   if (const Refusal refusal = link.gate.pass(message.header); refusal != Refusal::kNone) return refusal;
   if (!protocol_.receive(now_us, message)) return Refusal::kRobot;
-  if (link.boot == message.header.boot)
+  if (link.boot == message.header.boot) {
     link.lost += static_cast<std::int32_t>(std::min<std::int64_t>(message.header.seq - link.seq - 1, 1'000'000));
+  } else {
+    link.clock = ClockOffset();
+  }
   link.heard_us = now_us;
-  link.utime = message.header.utime;
+  link.clock.heard(now_us, message.header.utime);
+  if (told_about(message.header) == config_.robot_id && message.least_delay_us != announcement_t::kUnknown)
+    link.clock.told(message.least_delay_us);
+  if (link.clock.beyond(to_us(config_.clock_error_s))) clock_doubt_us_ = now_us;
   link.boot = message.header.boot;
   link.seq = message.header.seq;
   outbox.publish_bytes(BusId::kOnboard, channel::kPeerTrajectory, bytes);
   return Refusal::kNone;
+}
+
+int BroadcastNode::told_about(const sogm_swarm::header_t& header) const {
+  return places_[static_cast<std::size_t>(header.seq) % places_.size()];
 }
 
 bool BroadcastNode::clocks_agree(std::int64_t now_us) const {
@@ -217,6 +235,8 @@ std::int64_t BroadcastNode::step(std::int64_t now_us, Outbox& outbox) {
 void BroadcastNode::announce(std::int64_t now_us, Outbox& outbox) {
   announcement_t message = protocol_.state();
   message.header = announcement_headers_.next(now_us);
+  if (const auto link = links_.find(told_about(message.header)); link != links_.end())
+    message.least_delay_us = link->second.clock.least_delay_us().value_or(announcement_t::kUnknown);
   outbox.publish(BusId::kSwarm, channel::kTrajectory, message);
   outbox.publish(BusId::kOnboard, channel::kOwnTrajectory, message);
   has_news_ = false;
@@ -260,6 +280,7 @@ void BroadcastNode::publish_status(std::int64_t now_us, Outbox& outbox) {
                                          : broadcast_status_t::kFlying;
   status.candidates = candidates_;
   status.commits = protocol_.commits();
+  status.forced = protocol_.forced();
   status.withdrawn = protocol_.withdrawn();
   std::copy(rejected_.begin(), rejected_.end(), status.rejected);
   status.lost = lost();
@@ -267,9 +288,8 @@ void BroadcastNode::publish_status(std::int64_t now_us, Outbox& outbox) {
     if (link.boot < 0 || now_us - link.heard_us > 1'000'000) continue;
     ++status.peers_heard;
     status.max_age_ms = std::max(status.max_age_ms, 1e-3f * static_cast<float>(now_us - link.heard_us));
-    // Delay and offset cannot be told apart from one direction: this bounds the offset.
-    status.max_clock_offset_ms =
-        std::max(status.max_clock_offset_ms, 1e-3f * static_cast<float>(std::abs(link.heard_us - link.utime)));
+    const std::int64_t offset_us = link.clock.offset_us().value_or(0);
+    status.max_clock_offset_ms = std::max(status.max_clock_offset_ms, 1e-3f * static_cast<float>(std::abs(offset_us)));
   }
   refused_.copy_to(status.refused);
   outbox.publish(BusId::kOnboard, channel::kBroadcastStatus, status);

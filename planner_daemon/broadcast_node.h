@@ -13,6 +13,7 @@
 #include "lcmtypes/bus/header_source.h"
 #include "lcmtypes/bus/node.h"
 #include "lcmtypes/bus/option_set.h"
+#include "planner_daemon/clock_offset.h"
 #include "planner_daemon/commit_protocol.h"
 #include "planner_daemon/promise_store.h"
 
@@ -29,9 +30,10 @@ struct BroadcastConfig {
   double lively_s = 0.02;       // the same right after news
   double swarm_rate_hz = 1000;  // announcements of all robots together, at most
   double setpoint_rate_hz = 100;
-  double yaw_rate_max = 1.5;   // [rad/s]
-  double clock_limit_s = 0.1;  // messages from further in the future are refused
-  std::string state_dir;       // where promises survive a crash; empty: nowhere
+  double yaw_rate_max = 1.5;    // [rad/s]
+  double clock_error_s = 0.01;  // clocks of two robots differ by at most this, or nothing is committed
+  double clock_limit_s = 0.1;   // the robot's own messages from further in the future are refused
+  std::string state_dir;        // where promises survive a crash; empty: nowhere
 };
 
 void declare(OptionSet& options, BroadcastConfig& config);
@@ -58,7 +60,8 @@ class BroadcastNode : public Node {
  private:
   struct Link {  // from a peer
     SequenceGate gate;
-    std::int64_t heard_us = 0, utime = 0;  // of the newest announcement, by our clock and by the peer's
+    ClockOffset clock;
+    std::int64_t heard_us = 0;  // of the newest announcement
     std::int32_t boot = -1, lost = 0;
     std::int64_t seq = 0;
   };
@@ -71,6 +74,8 @@ class BroadcastNode : public Node {
   void advance(std::int64_t now_us);
   bool keep(std::int64_t now_us, sogm_swarm::announcement_t promise);
   bool clocks_agree(std::int64_t now_us) const;
+  // The robot whose messages' delay an announcement tells.
+  int told_about(const sogm_swarm::header_t& header) const;
 
   void announce(std::int64_t now_us, Outbox& outbox);
   void publish_setpoint(std::int64_t utime, Outbox& outbox);
@@ -83,13 +88,14 @@ class BroadcastNode : public Node {
   CommitProtocol protocol_;
   RefusalCounts refused_;
   std::array<std::int32_t, kNumRejections> rejected_{};
+  std::vector<int> places_;    // ids of all robots that fly, ascending
   std::map<int, Link> links_;  // by roster peer
   SequenceGate state_gate_, candidate_gate_;
   double yaw_ = 0.0;
   bool store_fails_ = false;
 
   std::int64_t gap_us_ = 0;          // between announcements, at least
-  std::int64_t clock_doubt_us_ = 0;  // when a peer's message last came from the future
+  std::int64_t clock_doubt_us_ = 0;  // when a peer's message last came from the future, or its clock was found wrong
   bool has_news_ = false;
   std::int64_t news_us_ = 0;
   std::int64_t announced_us_ = 0, next_setpoint_us_ = 0, next_status_us_ = 0;

@@ -20,14 +20,17 @@ class CommitDelay {
     mean_s_ += (after_s - mean_s_) / 8;
     at_least_s_ = 0.0;
   }
+  bool is_unanswered() const { return at_least_s_ > 0.0; }  // the newest plan was missed
   void missed(double lead_s) { at_least_s_ = kWiden * lead_s; }
   // Until a plan was committed: a peer's message takes so long.
   void heard(double one_way_s) { one_way_s_ += (one_way_s - one_way_s_) / 8; }
 
   // What is to be expected [s].
-  double lead_s() const {
-    const double usual_s = mean_s_ < 0.0 ? 2 * one_way_s_ : mean_s_ + 2.5 * deviation_s_;
-    return std::min(kLongest_s, std::max(at_least_s_, usual_s + kMargin_s));
+  double lead_s() const { return std::min(kLongest_s, std::max(at_least_s_, usual_s())); }
+  // As if all peers answered.
+  double usual_s() const {
+    const double answered_s = mean_s_ < 0.0 ? 2 * one_way_s_ : mean_s_ + 2.5 * deviation_s_;
+    return std::min(kLongest_s, answered_s + kMargin_s);
   }
 
  private:

@@ -12,6 +12,12 @@ namespace swarm {
 using sogm_swarm::ack_t;
 using sogm_swarm::announcement_t;
 
+namespace {
+
+constexpr std::int64_t kLastMoment_us = 10'000;  // so long before it begins, what is urgent waits no longer
+
+}  // namespace
+
 const char* to_string(Rejection rejection) {
   static constexpr const char* kNames[kNumRejections] = {"none",          "no committed", "waiting",  "busy", "time",
                                                          "discontinuous", "limits",       "conflict", "clock"};
@@ -48,14 +54,15 @@ bool CommitProtocol::all_hear() const {
 
 bool CommitProtocol::free_of(const Trajectory& mine, const Motion& other, double other_radius_m) const {
   const double distance = rules_.radius_m + other_radius_m + rules_.separation_m;
-  return motions_separated({mine, {}}, other, mine.start_utime(), distance);
+  return motions_separated({mine, {}}, other, mine.start_utime(), distance, rules_.clock_error_s);
 }
 
-Rejection CommitProtocol::propose(std::int64_t now_us, const Trajectory& candidate) {
+Rejection CommitProtocol::propose(std::int64_t now_us, const Trajectory& candidate, bool urgent) {
   if (!motion_) return Rejection::kNoCommitted;
-  if (!all_hear()) return Rejection::kWaiting;
+  if (!urgent && !all_hear()) return Rejection::kWaiting;
   if (!motion_->next.empty()) return Rejection::kBusy;
   for (const auto& [id, peer] : peers_) {
+    if (!peer.heard) continue;
     if (!free_of(candidate, peer.motion, peer.radius_m)) return Rejection::kConflict;
     if (peer.promised() && !free_of(candidate, {peer.motion.committed, peer.announced}, peer.radius_m))
       return Rejection::kConflict;
@@ -64,6 +71,7 @@ Rejection CommitProtocol::propose(std::int64_t now_us, const Trajectory& candida
   announced_ = candidate;
   announced_.set_seq(next_seq_++);
   stamp_ = now_us;
+  urgent_ = urgent;
   news_ = true;
   return Rejection::kNone;
 }
@@ -120,28 +128,36 @@ void CommitProtocol::advance(std::int64_t now_us) {
   if (refused || now_us >= announced_.start_utime()) withdraw();
 }
 
+bool CommitProtocol::everybody_agrees() const {
+  return all_hear() && std::all_of(peers_.begin(), peers_.end(), [this](const auto& entry) {
+           const auto& [id, peer] = entry;
+           return rules_.robot_id < id || (peer.our_seq == announced_.seq() && peer.our_verdict == ack_t::kAck);
+         });
+}
+
 bool CommitProtocol::may_commit(std::int64_t now_us) const {
-  if (announced_.empty() || now_us >= announced_.start_utime() || !all_hear()) return false;
-  const auto agrees = [this](const auto& entry) {
+  if (announced_.empty() || now_us >= announced_.start_utime()) return false;
+  const bool agreed = everybody_agrees();
+  if (!agreed && !(urgent_ && now_us >= announced_.start_utime() - kLastMoment_us)) return false;
+  return std::all_of(peers_.begin(), peers_.end(), [this, agreed](const auto& entry) {
     const auto& [id, peer] = entry;
-    return rules_.robot_id < id || (peer.our_seq == announced_.seq() && peer.our_verdict == ack_t::kAck);
-  };
-  const auto is_free = [this](const auto& entry) {
-    const auto& [id, peer] = entry;
-    if (rules_.robot_id < id && !free_of(announced_, peer.motion, peer.radius_m)) return false;
-    return !peer.promised() || free_of(announced_, {peer.motion.committed, peer.announced}, peer.radius_m);
-  };
-  return std::all_of(peers_.begin(), peers_.end(), agrees) && std::all_of(peers_.begin(), peers_.end(), is_free);
+    const bool judged_there = agreed && id < rules_.robot_id;  // our P against its C
+    if (peer.heard && !judged_there && !free_of(announced_, peer.motion, peer.radius_m)) return false;
+    const bool counts = agreed ? peer.promised() : !peer.announced.empty();
+    return !counts || free_of(announced_, {peer.motion.committed, peer.announced}, peer.radius_m);
+  });
 }
 
 void CommitProtocol::commit(const std::function<bool(const announcement_t&)>& keep) {
   motion_->next = announced_;
+  next_is_forced_ = !everybody_agrees();
   if (!keep(state())) {
     motion_->next = Trajectory();
     return withdraw();
   }
   announced_ = Trajectory();
   ++commits_;
+  forced_ += next_is_forced_;
   news_ = true;
 }
 
@@ -158,13 +174,14 @@ announcement_t CommitProtocol::state() const {
   message.pending_state = announcement_t::kNone;
   if (!motion_->next.empty()) {
     message.pending = motion_->next.to_wire();
-    message.pending_state = announcement_t::kCommitted;
+    message.pending_state = next_is_forced_ ? announcement_t::kForced : announcement_t::kCommitted;
   } else if (!announced_.empty()) {
     message.pending = announced_.to_wire();
     message.pending_state = announcement_t::kAnnounced;
   }
   message.pending_stamp = message.pending_state == announcement_t::kNone ? 0 : stamp_;
   message.roster_crc = roster_crc_;
+  message.least_delay_us = announcement_t::kUnknown;
   for (const auto& [id, peer] : peers_) {
     if (message.acks.size() == place_) message.acks.push_back({-1, 0, ack_t::kNone});
     message.acks.push_back({peer.boot, peer.judged_seq, peer.verdict});
@@ -180,7 +197,7 @@ bool CommitProtocol::take_news() {
 
 std::int64_t CommitProtocol::due_utime() const {
   std::int64_t due = std::numeric_limits<std::int64_t>::max();
-  if (!announced_.empty()) due = announced_.start_utime();
+  if (!announced_.empty()) due = announced_.start_utime() - (urgent_ ? kLastMoment_us : 0);
   if (motion_ && !motion_->next.empty()) due = std::min(due, motion_->next.start_utime());
   return due;
 }

@@ -1,6 +1,6 @@
 // The commit protocol (design: ack with right of way): whatever the network does, no two committed motions ever come
-// closer than the sum of the radii. Knows neither wire nor clock nor files; commit_protocol_test searches its states
-// exhaustively on small cases.
+// closer than the sum of the radii, as long as no two clocks differ by more than `clock_error_s`. Knows neither wire
+// nor clock nor files; commit_protocol_test searches its states exhaustively on small cases.
 //
 // For each pair of robots the lower id is the holder of the right of way, the other the asker. Every robot is bound to
 // its committed motion C, which ends at rest, and may announce one pending trajectory P that leaves C at a time t_b.
@@ -16,16 +16,19 @@
 //     where it is: nobody was asked, but that is where it is). A new boot of a peer voids what it acknowledged, its P
 //     and the verdict on it. Nothing is committed before every peer has echoed the new boot: it then no longer relies
 //     on anything this robot said before the crash.
+//  6. Last resort: a P that is urgent, because the robot will be hit on C, is committed a moment before t_b without
+//     everybody's word, when it is free of every C and P that is known. Such a P is `forced`; it may meet what a holder
+//     that has not answered commits meanwhile, or a robot of which nothing is known since the start.
 // Every announcement is the whole state (C, P, verdicts), repeated for ever, and only newer ones (boot, seq) are read:
 // so losses heal, and duplicates and reordering change nothing.
 //
-// Why it is safe: what an asker flies or may still commit is always among what the holder knows (its C, or a P that the
-// holder acknowledged and keeps), and the holder commits nothing that conflicts with that. An asker commits nothing
-// without the holder's word, given against the holder's own C and P.
-// Who waits for whom: an asker for the answers of robots with lower ids, a robot that starts for everybody's echo. A
-// robot that falls silent keeps its C (and its acknowledged P) for ever: its holders fly on around it, its askers come
-// to rest where they promised to. Nobody waits in a circle, for ids only fall: the lowest id that flies waits for
-// nobody, and so on upwards; a P that loses to another is withdrawn, not kept waiting.
+// Why it is safe, but for what is forced: what an asker flies or may still commit is always among what the holder knows
+// (its C, or a P that the holder acknowledged and keeps), and the holder commits nothing that conflicts with that. An
+// asker commits nothing without the holder's word, given against the holder's own C and P. Who waits for whom: an asker
+// for the answers of robots with lower ids, a robot that starts for everybody's echo. A robot that falls silent keeps
+// its C (and its acknowledged P) for ever: its holders fly on around it, its askers come to rest where they promised
+// to. Nobody waits in a circle, for ids only fall: the lowest id that flies waits for nobody, and so on upwards; a P
+// that loses to another is withdrawn, not kept waiting.
 #pragma once
 
 #include <cstdint>
@@ -61,6 +64,7 @@ class CommitProtocol {
     std::vector<int> roster;  // ids of all robots that fly, in any order; this one may be among them
     double radius_m = 0.2;
     double separation_m = 0.02;  // kept between surfaces of committed motions
+    double clock_error_s = 0.0;  // and kept as well when a peer's clock is wrong by this
   };
   // What is known of a peer.
   struct Peer {
@@ -88,9 +92,9 @@ class CommitProtocol {
   const std::map<int, Peer>& peers() const { return peers_; }
   bool all_hear() const;  // and were heard
 
-  // Announces a candidate that leaves the committed motion in the future. kNone, kNoCommitted, kWaiting, kBusy or
-  // kConflict. One that still waits is withdrawn.
-  Rejection propose(std::int64_t now_us, const Trajectory& candidate);
+  // Announces a candidate that leaves the committed motion in the future. kNone, kNoCommitted, kWaiting (not when it is
+  // urgent), kBusy or kConflict. One that still waits is withdrawn.
+  Rejection propose(std::int64_t now_us, const Trajectory& candidate, bool urgent = false);
   // A peer's announcement, newer than all before. False when it is not of this roster: nothing has changed then.
   [[nodiscard]] bool receive(std::int64_t now_us, const sogm_swarm::announcement_t& message);
   // Switches to and withdraws what is due.
@@ -100,11 +104,12 @@ class CommitProtocol {
   bool may_commit(std::int64_t now_us) const;
   void commit(const std::function<bool(const sogm_swarm::announcement_t&)>& keep);
 
-  // All but the header.
+  // All but the header and what is known of clocks.
   sogm_swarm::announcement_t state() const;
   // Whether state() has changed since the last call.
   bool take_news();
   int commits() const { return commits_; }
+  int forced() const { return forced_; }  // of them
   int withdrawn() const { return withdrawn_; }
   // When advance() has something to do; INT64_MAX: never.
   std::int64_t due_utime() const;
@@ -112,6 +117,7 @@ class CommitProtocol {
  private:
   void judge(std::int64_t now_us, int peer_id, Peer* peer);
   void withdraw();
+  bool everybody_agrees() const;
   bool free_of(const Trajectory& mine, const Motion& other, double other_radius_m) const;
 
   Rules rules_;
@@ -120,10 +126,12 @@ class CommitProtocol {
   std::optional<Motion> motion_;
   Trajectory announced_;
   std::int64_t stamp_ = 0;
+  bool urgent_ = false;          // what is announced
+  bool next_is_forced_ = false;  // of the committed motion
   std::int32_t next_seq_ = 1;
   std::map<int, Peer> peers_;  // all of the roster but this one
   bool news_ = false;
-  int commits_ = 0, withdrawn_ = 0;
+  int commits_ = 0, forced_ = 0, withdrawn_ = 0;
 };
 
 }  // namespace swarm

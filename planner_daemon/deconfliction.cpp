@@ -1,6 +1,7 @@
 #include "planner_daemon/deconfliction.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 
 namespace swarm {
@@ -15,6 +16,19 @@ bool separated(const ControlPoints& difference, double duration_s, double distan
   if (duration_s <= kFinestSpan_s) return false;
   return separated(part_of(difference, 0.0, 0.5), duration_s / 2, distance) &&
          separated(part_of(difference, 0.5, 1.0), duration_s / 2, distance);
+}
+
+// Bound on the motion's speed during [from, to] [m/s].
+double fastest(const Motion& motion, std::int64_t from_utime, std::int64_t to_utime) {
+  double bound = 0.0;
+  for (std::int64_t from = std::max(from_utime, motion.committed.start_utime()); from < to_utime;) {
+    const std::int64_t to = std::min(motion.next_knot_after(from), to_utime);
+    const ControlPoints points = control_points_between(motion, from, to);
+    const double step = (points.rightCols<5>() - points.leftCols<5>()).colwise().norm().maxCoeff();
+    bound = std::max(bound, 5e6 * step / static_cast<double>(to - from));
+    from = to;
+  }
+  return bound;
 }
 
 }  // namespace
@@ -37,16 +51,20 @@ bool linearly_separable(const ControlPoints& points, double radius_m) {
   return false;
 }
 
-bool motions_separated(const Motion& a, const Motion& b, std::int64_t from_utime, double distance_m) {
-  const std::int64_t end = std::max(a.end_utime(), b.end_utime());
+bool motions_separated(const Motion& a, const Motion& b, std::int64_t from_utime, double distance_m,
+                       double clock_error_s) {
+  const std::int64_t end = std::max(a.end_utime(), b.end_utime()), error_us = std::llround(1e6 * clock_error_s);
+  const auto kept_off = [&](std::int64_t from, std::int64_t to) {
+    return error_us == 0 ? distance_m : distance_m + clock_error_s * fastest(b, from - error_us, to + error_us);
+  };
   for (std::int64_t from = from_utime; from < end;) {
     const std::int64_t to = std::min({a.next_knot_after(from), b.next_knot_after(from), end});
     const ControlPoints difference = control_points_between(a, from, to) - control_points_between(b, from, to);
-    if (!separated(difference, 1e-6 * static_cast<double>(to - from), distance_m)) return false;
+    if (!separated(difference, 1e-6 * static_cast<double>(to - from), kept_off(from, to))) return false;
     from = to;
   }
   const std::int64_t rest = std::max(end, from_utime);
-  return (a.at(rest).position - b.at(rest).position).norm() >= distance_m;
+  return (a.at(rest).position - b.at(rest).position).norm() >= kept_off(rest, rest);
 }
 
 }  // namespace swarm

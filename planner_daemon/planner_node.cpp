@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <stdexcept>
 
 #include "lcmtypes/bus/channels.h"
@@ -15,6 +16,8 @@ using sogm_swarm::planner_status_t;
 constexpr std::int64_t kMaxAge_us = 1'000'000;
 constexpr std::int64_t kStatusPeriod_us = 1'000'000;
 constexpr std::size_t kMaxPeers = 64;
+constexpr std::int64_t kSilent_us = 500'000;    // a peer that was not heard for so long may have to step aside unseen
+constexpr std::int64_t kUrgent_us = 1'000'000;  // so long after a plan begins, the robot is out of an obstacle's way
 
 std::int64_t to_us(double seconds) {
   return std::llround(seconds * 1e6);
@@ -32,6 +35,8 @@ void declare(OptionSet& options, PlannerNodeConfig& config) {
               "in an emergency, when nothing survives: given up last before a touch");
   options.add("comfort", &planner.zones.comfort_m, 0, 5, "m",
               "beyond the clearance: avoided where that costs little time");
+  options.add("berth", &planner.zones.berth_m, 0, 5, "m",
+              "around peers that have fallen silent, where that costs little time: they may have to step aside unseen");
   options.add("wake", &planner.zones.wake_s, 0, 2, "s",
               "where an obstacle was until this long before is its wake, and avoided: it may turn");
   options.add("v-max", &planner.limits.v_max, 0.01, 100, "m/s", "speed limit per axis");
@@ -55,6 +60,9 @@ void declare(OptionSet& options, PlannerNodeConfig& config) {
       "from the start of planning to the announcement; the plan begins later still by what the peers' answers take");
   options.add("period", &config.period_s, 0, 10, "s", "least time between plans; every newer map is planned with");
   options.add("stale-map", &config.stale_map_s, 0.05, 10, "s", "an older map is not planned with");
+  options.add(
+      "clock-error", &planner.zones.clock_error_s, 0, 1, "s",
+      "clocks of two robots differ by at most this: peers are avoided as if they came so much earlier or later");
   options.add("clock-limit", &config.clock_limit_s, 0.001, 10, "s", "messages from further in the future are refused");
 }
 
@@ -128,7 +136,9 @@ Refusal PlannerNode::on_own(std::span<const std::uint8_t> bytes) {
   const std::int32_t bound_to = own_ ? own_->next.seq() : 0;
   const Trajectory waited = pending_;
   read_announcement(message, &own_.emplace(), &pending_);
-  if (!own_->next.empty() && own_->next.seq() != bound_to) {
+  if (message.pending_state == announcement_t::kForced && own_->next.seq() != bound_to) {
+    commit_delay_.missed(1e-6 * static_cast<double>(own_->next.start_utime() - message.pending_stamp));
+  } else if (!own_->next.empty() && own_->next.seq() != bound_to) {
     commit_delay_.committed(1e-6 * static_cast<double>(message.header.utime - message.pending_stamp));
   } else if (pending_.seq() != waited.seq() && !waited.empty() && message.header.utime >= waited.start_utime()) {
     commit_delay_.missed(1e-6 * static_cast<double>(waited.start_utime() - pending_stamp_));
@@ -153,6 +163,7 @@ Refusal PlannerNode::on_peer(std::int64_t now_us, std::span<const std::uint8_t> 
   Peer& peer = peer_list_[entry.place];
   read_announcement(message, &peer.motion, &peer.announced);
   peer.radius_m = message.radius;
+  entry.heard_us = now_us;
   peer.space = space_of(peer.motion, peer.announced);
   return Refusal::kNone;
 }
@@ -176,6 +187,8 @@ std::int64_t PlannerNode::step(std::int64_t now_us, Outbox& outbox) {
     for (const Trajectory* coming : {&own_->next, &pending_}) {
       if (!coming->empty()) due = std::max(due, coming->start_utime());
     }
+    // But for one that peers do not answer while an obstacle comes.
+    if (now_us < due && own_->next.empty() && !is_urgent_ && hits_soon(now_us, pending_.start_utime())) due = now_us;
     if (now_us < due) {
       wake = std::min(wake, due);
     } else {
@@ -198,6 +211,11 @@ std::int64_t PlannerNode::step(std::int64_t now_us, Outbox& outbox) {
   return std::max(wake, now_us + 1);
 }
 
+bool PlannerNode::hits_soon(std::int64_t now_us, std::int64_t utime) const {
+  constexpr std::int64_t kNever = std::numeric_limits<std::int64_t>::max();
+  return first_touch(map_, *own_, config_.planner.zones.blocked_m(), now_us, utime + kUrgent_us) != kNever;
+}
+
 void PlannerNode::plan(std::int64_t now_us, Outbox& outbox) {
   map_is_new_ = false;
   last_plan_us_ = now_us;
@@ -205,9 +223,14 @@ void PlannerNode::plan(std::int64_t now_us, Outbox& outbox) {
   request_.sogm = &map_;
   request_.own = *own_;
   request_.start_utime = now_us + to_us(config_.lead_s + commit_delay_.lead_s());
+  is_urgent_ = hits_soon(now_us, request_.start_utime);
+  if (is_urgent_) request_.start_utime = now_us + to_us(config_.lead_s + commit_delay_.usual_s());
   // Without a goal the robot holds its place, but steps aside like any other.
   if (!hold_) hold_ = own_->at(own_->end_utime()).position;
   request_.goal = goal_.value_or(*hold_);
+  // A plan that must do without answers may meet others': it only steps aside.
+  if (is_urgent_ && commit_delay_.is_unanswered()) request_.goal = own_->at(own_->end_utime()).position;
+  for (auto& [id, entry] : peers_) peer_list_[entry.place].silent = now_us - entry.heard_us > kSilent_us;
   request_.peers = &peer_list_;
   newest_ = &planner_.plan(request_);
 
@@ -219,6 +242,7 @@ void PlannerNode::plan(std::int64_t now_us, Outbox& outbox) {
     Trajectory trajectory = newest_->trajectory;
     trajectory.set_seq(++candidate_seq_);
     candidate.trajectory = trajectory.to_wire();
+    candidate.urgent = is_urgent_ ? 1 : 0;
     outbox.publish(BusId::kOnboard, channel::kCandidate, candidate);
     publish_corridors(now_us, outbox);
   }

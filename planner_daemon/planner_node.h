@@ -51,6 +51,8 @@ class PlannerNode : public Node {
   Refusal on_own(std::span<const std::uint8_t> bytes);
   Refusal on_peer(std::int64_t now_us, std::span<const std::uint8_t> bytes);
   Refusal on_goal(std::span<const std::uint8_t> bytes);
+  // The present motion hits an obstacle so soon that a plan that begins at `utime` must be flown.
+  bool hits_soon(std::int64_t now_us, std::int64_t utime) const;
   void plan(std::int64_t now_us, Outbox& outbox);
   void publish_corridors(std::int64_t now_us, Outbox& outbox);
   void publish_status(std::int64_t now_us, std::int16_t state, Outbox& outbox);
@@ -67,6 +69,7 @@ class PlannerNode : public Node {
   std::optional<Motion> own_;
   Trajectory pending_;              // of our plans: waits for acknowledgements; may be empty
   std::int64_t pending_stamp_ = 0;  // when it was announced
+  bool is_urgent_ = false;          // the newest plan
   CommitDelay commit_delay_;
   std::optional<Eigen::Vector3d> goal_;
   std::optional<Eigen::Vector3d> hold_;  // where it rested when planning began: the goal until there is one
@@ -74,6 +77,7 @@ class PlannerNode : public Node {
   struct PeerEntry {
     SequenceGate gate;
     std::size_t place;  // in peer_list_
+    std::int64_t heard_us = 0;
   };
   std::map<int, PeerEntry> peers_;
   std::vector<Peer> peer_list_;  // as heard, handed to the planner

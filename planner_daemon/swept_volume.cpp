@@ -90,10 +90,11 @@ std::optional<SweptVolumes::Patch> SweptVolumes::mark_capsule(const Eigen::Vecto
   return patch;
 }
 
-void SweptVolumes::add(const Motion& motion, double radius_m, std::span<const Columns> bounds) {
+void SweptVolumes::add(const Motion& motion, double radius_m, std::int64_t clock_error_us,
+                       std::span<const Columns> bounds) {
   const auto num_frames = static_cast<std::int64_t>(patches_.size());
-  const std::int64_t end = start_utime_ + num_frames * frame_duration_us_;
-  for (std::int64_t from = start_utime_; from < end;) {  // one quintic after the other
+  const std::int64_t end = start_utime_ + num_frames * frame_duration_us_ + clock_error_us;
+  for (std::int64_t from = start_utime_ - clock_error_us; from < end;) {  // one quintic after the other
     const std::int64_t to = std::min(motion.next_knot_after(from), end);
     const ControlPoints quintic = control_points_between(motion, from, to);
     const Columns around{grid_.voxel_of(quintic.rowwise().minCoeff().array() - radius_m).head<2>(),
@@ -104,15 +105,16 @@ void SweptVolumes::add(const Motion& motion, double radius_m, std::span<const Co
     std::optional<Patch> rests;  // the same in every frame
     if ((quintic.colwise() - quintic.col(0)).isZero(0.0))
       rests = mark_capsule(quintic.col(0), quintic.col(0), radius_m, all_columns(grid_));
-    for (std::int64_t frame = (from - start_utime_) / frame_duration_us_; frame < num_frames; ++frame) {
-      const std::int64_t begin = start_utime_ + frame * frame_duration_us_;
+    const std::int64_t first = (from - clock_error_us - start_utime_) / frame_duration_us_;
+    for (std::int64_t frame = std::max<std::int64_t>(first, 0); frame < num_frames; ++frame) {
+      const std::int64_t begin = start_utime_ + frame * frame_duration_us_ - clock_error_us;
+      const std::int64_t until = begin + frame_duration_us_ + 2 * clock_error_us;
       if (begin >= to) break;
       const Columns& columns = bounds[static_cast<std::size_t>(frame)];
       if (columns.empty() || !intersect(around, columns)) continue;
       std::optional<Patch> patch = rests;
       if (!patch) {
-        const ControlPoints points =
-            part_of(quintic, share(std::max(begin, from)), share(std::min(begin + frame_duration_us_, to)));
+        const ControlPoints points = part_of(quintic, share(std::max(begin, from)), share(std::min(until, to)));
         patch = mark_capsule(points.col(0), points.col(5), radius_m + distance_from_chord(points), columns);
       }
       if (patch) patches_[static_cast<std::size_t>(frame)].push_back(*patch);

@@ -17,11 +17,12 @@ class SweptVolumes {
   // For frames laid out like those of `sogm`; holds nothing yet.
   void lay_out(const Sogm& sogm);
 
-  // Adds the voxels whose centre comes within `radius_m` of the motion during a frame's interval, hover tail included;
-  // in frame i at least those in columns bounds[i] of the window. Conservative: each span of the curve is covered by
+  // Adds the voxels whose centre comes within `radius_m` of the motion during a frame's interval, hover tail included,
+  // though it may come earlier or later by up to `clock_error_us` >= 0; in frame i at least those in columns bounds[i]
+  // of the window. Conservative: each span of the curve is covered by
   // its chord, widened by how far its control points lie from the chord, so the hull of the span and with it the curve
   // is inside.
-  void add(const Motion& motion, double radius_m, std::span<const Columns> bounds);
+  void add(const Motion& motion, double radius_m, std::int64_t clock_error_us, std::span<const Columns> bounds);
 
   // Appends what a frame holds within `columns`. Valid until the next add().
   void append_layers(int frame, const Columns& columns, std::vector<Layer>* layers) const;

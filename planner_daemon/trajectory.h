@@ -61,6 +61,7 @@ class Trajectory {
   std::int32_t seq() const { return seq_; }
   void set_seq(std::int32_t seq) { seq_ = seq; }
   std::int64_t start_utime() const { return start_utime_; }
+  void shift(std::int64_t later_us) { start_utime_ += later_us; }
   std::int64_t end_utime() const { return start_utime_ + std::int64_t{piece_us_} * num_pieces_; }
   std::int32_t piece_us() const { return piece_us_; }
   double piece_s() const { return piece_us_ * 1e-6; }

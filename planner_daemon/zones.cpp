@@ -8,7 +8,7 @@ namespace swarm {
 namespace {
 
 constexpr int kTile = 4;  // columns along each edge of what is worked out or not
-constexpr std::int64_t kCheckStep_us = 10'000;
+constexpr std::int64_t kCheckStep_us = 10'000, kTouchStep_us = 20'000;
 
 double peer_reach_m(const Peer& peer, const Sogm& sogm) {
   return peer.radius_m + 0.5 * sogm.geometry.resolution_m;
@@ -37,6 +37,34 @@ Eigen::AlignedBox3d space_of(const Motion& motion, const Trajectory& announced) 
   return space;
 }
 
+std::int64_t first_touch(const Sogm& sogm, const Motion& motion, double radius_m, std::int64_t from_utime,
+                         std::int64_t until_utime) {
+  const GridGeometry& grid = sogm.geometry;
+  const double reach = radius_m / grid.resolution_m;
+  const auto touches = [&](const Eigen::Vector3d& position, int frame) {
+    const Eigen::Vector3d at =  // in voxels from the window's first centre
+        (position / grid.resolution_m - grid.origin.cast<double>()).array() - 0.5;
+    const Eigen::Vector2i low = (at.head<2>().array() - reach).ceil().cast<int>().cwiseMax(0);
+    const Eigen::Vector2i high =
+        (at.head<2>().array() + reach).floor().cast<int>().cwiseMin(grid.size.head<2>().array() - 1);
+    std::uint64_t any = 0;
+    for (int x = low.x(); x <= high.x(); ++x) {
+      for (int y = low.y(); y <= high.y(); ++y) {
+        const double high2 = reach * reach - (x - at.x()) * (x - at.x()) - (y - at.y()) * (y - at.y());
+        if (high2 < 0.0) continue;
+        const std::uint64_t* column = sogm.column(frame, x, y);
+        for_each_word_of_run(at.z() - std::sqrt(high2), at.z() + std::sqrt(high2), grid.size.z(),
+                             [&](int word, std::uint64_t bits) { any |= column[word] & bits; });
+      }
+    }
+    return any != 0;
+  };
+  for (std::int64_t t = from_utime; t <= until_utime; t += kTouchStep_us) {
+    if (touches(motion.at(t).position, sogm.frame_at(t))) return t;
+  }
+  return std::numeric_limits<std::int64_t>::max();
+}
+
 void Zones::compose(const Sogm& sogm, const std::vector<Peer>& peers, const Reach& reach) {
   occupancy_ = {&sogm, &peers_};
   add_peers(peers, reach);
@@ -62,6 +90,7 @@ void Zones::add_peers(const std::vector<Peer>& peers, const Reach& reach) {
   const double most_m = options_.radius_m + std::max(options_.clearance_m, options_.tight_m) + options_.comfort_m;
   const int margin = static_cast<int>(std::ceil(most_m / sogm.geometry.resolution_m)) + 1;
   peers_.lay_out(sogm);
+  berths_.lay_out(sogm);
   bounds_.clear();
   Columns all{sogm.geometry.size.head<2>(), Eigen::Vector2i::Constant(-1)};
   for (int frame = 0; frame < sogm.num_frames; ++frame) {
@@ -70,13 +99,16 @@ void Zones::add_peers(const std::vector<Peer>& peers, const Reach& reach) {
     all.first = all.first.cwiseMin(bounds_.back().first);
     all.last = all.last.cwiseMax(bounds_.back().last);
   }
+  const std::int64_t error_us = std::llround(1e6 * options_.clock_error_s);
   for (const Peer& peer : peers) {
     const double reach_m = peer_reach_m(peer, sogm);
-    const Columns space{sogm.geometry.voxel_of(peer.space.min().array() - reach_m).head<2>(),
-                        sogm.geometry.voxel_of(peer.space.max().array() + reach_m).head<2>()};
+    const double widest_m = reach_m + (peer.silent ? options_.berth_m : 0.0);
+    const Columns space{sogm.geometry.voxel_of(peer.space.min().array() - widest_m).head<2>(),
+                        sogm.geometry.voxel_of(peer.space.max().array() + widest_m).head<2>()};
     if (!intersect(space, all)) continue;
-    peers_.add(peer.motion, peer_reach_m(peer, sogm), bounds_);
-    if (!peer.announced.empty()) peers_.add({peer.motion.committed, peer.announced}, peer_reach_m(peer, sogm), bounds_);
+    if (peer.silent) berths_.add(peer.motion, widest_m, error_us, bounds_);
+    peers_.add(peer.motion, reach_m, error_us, bounds_);
+    if (!peer.announced.empty()) peers_.add({peer.motion.committed, peer.announced}, reach_m, error_us, bounds_);
   }
 }
 
@@ -99,7 +131,7 @@ Occupancy Zones::compose_standing(const std::vector<Peer>& peers) {
   standing_peers_.lay_out(still_);
   for (const Peer& peer : peers) {
     if (peer.motion.end_utime() <= sogm.start_utime)
-      standing_peers_.add(peer.motion, peer_reach_m(peer, sogm), {&all, 1});
+      standing_peers_.add(peer.motion, peer_reach_m(peer, sogm), 0, {&all, 1});
   }
   return {&still_, &standing_peers_};
 }
@@ -150,13 +182,14 @@ void Zones::dilate(int frame, const Columns& box, Dilator* dilator, Sogm* zone) 
   dilator->dilate(layers_, box, zone->column(frame, box.first.x(), box.first.y()), layers_.front().row);
 }
 
-// Whatever moves away may turn and come back: its wake is avoided.
+// Whatever moves away may turn and come back, and silent peers may step aside: that is avoided.
 void Zones::work_out_near(int frame, const Columns& box) {
   const GridGeometry& grid = near_.geometry;
   const Columns around = box.grown(near_dilator_.reach(), grid), seen = around.grown(blocked_dilator_.reach(), grid);
   layers_.clear();
   for (int before = std::max(0, frame - frames_back_); before <= frame; ++before)
     occupancy_.append_layers(before, seen, &layers_);
+  berths_.append_layers(frame, seen, &layers_);
   const std::size_t row = layers_.front().row;
   std::uint64_t* wake = wake_.column(frame, around.first.x(), around.first.y());
   blocked_dilator_.dilate(layers_, around, wake, row);

@@ -14,12 +14,14 @@
 namespace swarm {
 
 struct ZoneOptions {
-  double radius_m = 0.2;      // of the robot's sphere
-  double clearance_m = 0.05;  // free: farther than radius + clearance from every occupied voxel's centre
-  double tight_m = 0.0;       // in an emergency: the clearance that is given up last before a touch
-  double contact_m = 0.04;    // a voxel's centre this far inside the radius means a touch
-  double comfort_m = 0.15;    // beyond the clearance: avoided where that costs little
-  double wake_s = 0.5;        // where an obstacle was until this long before is its wake: it may turn
+  double radius_m = 0.2;        // of the robot's sphere
+  double clearance_m = 0.05;    // free: farther than radius + clearance from every occupied voxel's centre
+  double tight_m = 0.0;         // in an emergency: the clearance that is given up last before a touch
+  double contact_m = 0.04;      // a voxel's centre this far inside the radius means a touch
+  double comfort_m = 0.15;      // beyond the clearance: avoided where that costs little
+  double wake_s = 0.5;          // where an obstacle was until this long before is its wake: it may turn
+  double berth_m = 0.5;         // around peers that have fallen silent: like a wake
+  double clock_error_s = 0.01;  // peers come so much earlier or later, at most: their clocks differ from ours
 
   double blocked_m() const { return radius_m + clearance_m; }
 };
@@ -28,11 +30,17 @@ struct Peer {
   Motion motion;
   Trajectory announced;  // waits for acknowledgements: occupied too; may be empty
   double radius_m = 0.2;
+  bool silent = false;  // has not been heard for a while
   // Its centre stays within, whichever it flies [m]; peers out of reach cost a look at this.
   Eigen::AlignedBox3d space{Eigen::Vector3d::Constant(-1e6), Eigen::Vector3d::Constant(1e6)};
 };
 // For Peer::space: the hull of all pieces.
 Eigen::AlignedBox3d space_of(const Motion& motion, const Trajectory& announced);
+
+// First time in [from, until] at which an occupied voxel's centre lies within `radius_m` of the motion, or INT64_MAX.
+// Of the map alone: peers are not in it.
+std::int64_t first_touch(const Sogm& sogm, const Motion& motion, double radius_m, std::int64_t from_utime,
+                         std::int64_t until_utime);
 
 // The zones are worked out tile by tile where they are looked at, which is a small part of what the robot can come to.
 // Keeps its memory: a map for each zone.
@@ -78,6 +86,7 @@ class Zones : public ZoneSource {
   ZoneOptions options_;
   Occupancy occupancy_;
   SweptVolumes peers_, standing_peers_;
+  SweptVolumes berths_;          // of those that are silent, the berth around them in it
   std::vector<Columns> bounds_;  // by frame: where peers matter
   Sogm blocked_, tight_, contact_, wake_, near_, still_;
   Eigen::Vector2i tiles_ = Eigen::Vector2i::Zero();                             // of a frame, along x and y

@@ -10,6 +10,7 @@
 
 #include "lcmtypes/bus/channels.h"
 #include "planner_daemon/deconfliction.h"
+#include "swarm_sim/flight_arguments.h"
 
 namespace swarm {
 
@@ -18,35 +19,47 @@ bool CommitAudit::Announcement::differs(const Announcement& other) const {
          std::tuple(other.header.boot, other.radius_m, other.motion.seq());
 }
 
+void CommitAudit::Announcement::set_back(std::int64_t clock_offset_us) {
+  header.utime -= clock_offset_us;
+  motion.committed.shift(-clock_offset_us);
+  motion.next.shift(-clock_offset_us);
+}
+
 bool CommitAudit::read(std::span<const std::uint8_t> bytes, Announcement* announcement) {
   sogm_swarm::announcement_t message;
   if (decode(bytes, &message) != Refusal::kNone) return false;
   announcement->header = message.header;
   announcement->radius_m = message.radius;
+  announcement->forced = message.pending_state == sogm_swarm::announcement_t::kForced;
   Trajectory announced;  // not committed
   read_announcement(message, &announcement->motion, &announced);
   return true;
 }
 
-void CommitAudit::hear(std::span<const std::uint8_t> bytes) {
+void CommitAudit::hear(std::span<const std::uint8_t> bytes, std::int64_t clock_offset_us) {
   Announcement announcement;
-  if (read(bytes, &announcement)) hear(announcement);
+  if (!read(bytes, &announcement)) return;
+  announcement.set_back(clock_offset_us);
+  hear(announcement);
 }
 
-void CommitAudit::hear(const Announcement& announcement) {
+void CommitAudit::hear(Announcement announcement) {
   const int id = announcement.header.robot_id;
   Robot& robot = robots_[id];
   if (robot.gate.pass(announcement.header) != Refusal::kNone) return;
   const bool is_new = announcement.differs(robot.newest);
+  if (!is_new) announcement.forced = robot.newest.forced;  // no longer said once it is flown
   robot.newest = announcement;
   if (!is_new) return;
   ++motions_;
+  forced_ += announcement.forced;
   const std::int64_t utime = announcement.header.utime;
   for (const auto& [other_id, other] : robots_) {
     if (other_id == id) continue;
     const Announcement& theirs = other.newest;
     if (motions_separated(announcement.motion, theirs.motion, utime, announcement.radius_m + theirs.radius_m)) continue;
-    conflicts_.push_back({utime, id, other_id, announcement.motion.seq(), theirs.motion.seq()});
+    conflicts_.push_back(
+        {utime, id, other_id, announcement.motion.seq(), theirs.motion.seq(), announcement.forced || theirs.forced});
   }
 }
 
@@ -59,13 +72,18 @@ void CommitAudit::collect(std::span<const std::uint8_t> bytes) {
   collected_.push_back(announcement);
 }
 
-void CommitAudit::finish() {
+void CommitAudit::finish(double clock_offset_ms) {
+  const std::vector<std::int64_t> offsets = clock_offsets_us(clock_offset_ms, newest_.size());
+  for (Announcement& announcement : collected_) {
+    const auto place = std::distance(newest_.begin(), newest_.find(announcement.header.robot_id));
+    announcement.set_back(offsets[static_cast<std::size_t>(place)]);
+  }
   std::ranges::stable_sort(collected_, {}, [](const Announcement& a) { return a.header.utime; });
   for (const Announcement& announcement : collected_) hear(announcement);
   collected_.clear();
 }
 
-CommitAudit audit_log(const std::filesystem::path& path) {
+CommitAudit audit_log(const std::filesystem::path& path, double clock_offset_ms) {
   lcm::LogFile log(path.string(), "r");
   if (!log.good()) throw std::runtime_error(path.string() + ": must be a readable LCM log");
   CommitAudit audit;
@@ -73,34 +91,30 @@ CommitAudit audit_log(const std::filesystem::path& path) {
     if (event->channel != channel::kTrajectory) continue;
     audit.collect({static_cast<const std::uint8_t*>(event->data), static_cast<std::size_t>(event->datalen)});
   }
-  audit.finish();
+  audit.finish(clock_offset_ms);
   return audit;
 }
 
 int audit_command(int argc, const char* const* argv) try {
-  constexpr const char* kUsage =
-      "Usage: swarm_sim audit LOG...\n"
-      "Audits logs of the swarm bus (swarm.lcm of a run, or lcm-logger's): no two committed trajectories may come "
-      "closer than\nthe sum of the radii, ever. Exit codes: 0 none does, 1 some do, 2 bad input.\n";
-  std::vector<std::string> paths(argv + 1, argv + argc);
-  if (paths.size() == 1 && (paths[0] == "--help" || paths[0] == "-h")) {
-    std::cout << kUsage;
-    return 0;
+  std::string path;
+  double clock_offset_ms = 0.0;
+  OptionSet options(
+      "swarm_sim audit",
+      "Audits a log of the swarm bus (swarm.lcm of a run, or lcm-logger's): no two committed trajectories\n"
+      "may come closer than the sum of the radii, ever. Exit codes: 0 none does, 1 some do, 2 bad input.");
+  options.add_positional("log", &path, "LCM log");
+  declare_clock_offset(options, &clock_offset_ms);
+  if (options.parse(argc, argv, std::cout) == OptionSet::Parsed::kExit) return 0;
+  const CommitAudit audit = audit_log(path, clock_offset_ms);
+  if (audit.motions() == 0) throw std::runtime_error(path + ": holds no announcements");
+  std::printf("%s: %d robots, %lld committed motions (%lld forced), %zu conflicts\n", path.c_str(), audit.robots(),
+              static_cast<long long>(audit.motions()), static_cast<long long>(audit.forced()),
+              audit.conflicts().size());
+  for (const CommitConflict& c : audit.conflicts()) {
+    std::printf("  %lld: robot %d (trajectory %d) and robot %d (trajectory %d)%s\n", static_cast<long long>(c.utime),
+                c.robot, c.seq, c.other, c.other_seq, c.forced ? ", forced" : "");
   }
-  if (paths.empty()) throw std::runtime_error("a log must be given (see --help)");
-  bool clean = true;
-  for (const std::string& path : paths) {
-    const CommitAudit audit = audit_log(path);
-    if (audit.motions() == 0) throw std::runtime_error(path + ": holds no announcements");
-    std::printf("%s: %d robots, %lld committed motions, %zu conflicts\n", path.c_str(), audit.robots(),
-                static_cast<long long>(audit.motions()), audit.conflicts().size());
-    for (const CommitConflict& c : audit.conflicts()) {
-      std::printf("  %lld: robot %d (trajectory %d) and robot %d (trajectory %d)\n", static_cast<long long>(c.utime),
-                  c.robot, c.seq, c.other, c.other_seq);
-    }
-    clean = clean && audit.conflicts().empty();
-  }
-  return clean ? 0 : 1;
+  return audit.conflicts().empty() ? 0 : 1;
 } catch (const std::exception& error) {
   std::cerr << "swarm_sim audit: " << error.what() << '\n';
   return 2;

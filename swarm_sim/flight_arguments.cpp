@@ -29,6 +29,8 @@ void for_each_number(Arguments& arguments, const Visit& visit) {
   visit("link-loss", link.loss, 0, 1, "", "share of the messages between robots that never arrives");
   visit("link-duplicate", link.duplicate, 0, 1, "", "share that arrives twice");
   visit("link-reorder", link.reorder, 0, 1, "", "share that is overtaken by later ones");
+  visit("clock-offset-ms", arguments.clock_offset_ms, 0, 10'000, "ms",
+        "the clock of the robot with the lowest id is so much behind that of the highest; the others lie between");
 }
 template <class Arguments, class Visit>
 void for_each_text(Arguments& arguments, const Visit& visit) {
@@ -58,6 +60,14 @@ void declare(OptionSet& options, FlightArguments& arguments) {
   });
 }
 
+void declare_clock_offset(OptionSet& options, double* clock_offset_ms) {
+  FlightArguments arguments;
+  for_each_number(arguments,
+                  [&](const char* name, double& value, double low, double high, const char* unit, const char* help) {
+                    if (&value == &arguments.clock_offset_ms) options.add(name, clock_offset_ms, low, high, unit, help);
+                  });
+}
+
 FlightOptions flight_options(const FlightArguments& arguments) {
   FlightOptions options;
   options.time_limit_s = arguments.time_limit_s;
@@ -66,6 +76,7 @@ FlightOptions flight_options(const FlightArguments& arguments) {
   overlay(arguments.planner_config, &options.planner);
   overlay(arguments.broadcast_config, &options.broadcast);
   options.link = arguments.link;
+  options.clock_offset_ms = arguments.clock_offset_ms;
   options.link.outages = parse_outages(arguments.outages);
   options.kills = parse_kills(arguments.kills);
   return options;

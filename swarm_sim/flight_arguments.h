@@ -14,11 +14,14 @@ struct FlightArguments {
   double sensor_rate_hz = 20.0;
   std::string map_config, planner_config, broadcast_config;  // files; empty: defaults
   LinkOptions link;                                          // without its outages
-  std::string outages;                                       // as parse_outages() takes them
-  std::string kills;                                         // as parse_kills() takes them
+  double clock_offset_ms = 0.0;
+  std::string outages;  // as parse_outages() takes them
+  std::string kills;    // as parse_kills() takes them
 };
 
 void declare(OptionSet& options, FlightArguments& arguments);
+// The one of them that audits of flights need as well.
+void declare_clock_offset(OptionSet& options, double* clock_offset_ms);
 
 // Reads the config files. Throws OptionError.
 FlightOptions flight_options(const FlightArguments& arguments);

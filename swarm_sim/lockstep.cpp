@@ -151,7 +151,7 @@ class LockstepHost {
     ChannelCount& count = channels_[std::string(channel)];
     ++count.messages;
     count.bytes += static_cast<std::int64_t>(bytes.size());
-    if (swarm && channel == channel::kTrajectory) audit_.hear(bytes);
+    if (swarm && channel == channel::kTrajectory) audit_.hear(bytes, simulation_.clock_offset_us(robot));
     if (!swarm && channel == channel::kSetpoint) simulation_.on_setpoint(robot, bytes);
     if (!swarm && channel == channel::kOwnTrajectory) simulation_.on_own_trajectory(robot, bytes);
     const auto& listeners = swarm ? swarm_listeners_ : onboard_listeners_[robot];
@@ -180,12 +180,13 @@ class LockstepHost {
       Place& place = places_[event.place];
       now_us_ = event.time_us;
       if (place.node == nullptr) continue;
+      const std::int64_t offset_us = simulation_.clock_offset_us(place.robot);
       if (!event.channel.empty()) {
-        place.node->on_message(now_us_, event.bus, event.channel, *event.bytes, place);
+        place.node->on_message(now_us_ + offset_us, event.bus, event.channel, *event.bytes, place);
       } else if (event.time_us != place.wake_us) {
         continue;
       }
-      const std::int64_t wake = place.node->step(now_us_, place);
+      const std::int64_t wake = place.node->step(now_us_ + offset_us, place) - offset_us;
       if (wake != place.wake_us || event.channel.empty()) schedule_wake(event.place, wake);
       note_work(robots_[place.robot]);
     }
@@ -259,7 +260,7 @@ class LockstepHost {
     RunReport report = make_report(world_.name, "lockstep", simulation_.judge(),
                                    1e-6 * static_cast<double>(now_us_ - kEpoch_us), wall_s, planning);
     report.mapping = timing_stats(std::move(map_ms));
-    report.commit_conflicts = static_cast<std::int64_t>(audit_.conflicts().size());
+    report.count_commits(audit_);
     report.channels.insert(channels_.begin(), channels_.end());
     for (std::size_t r = 0; r < robots_.size(); ++r) {
       RobotReport robot = robots_[r].report();

@@ -215,13 +215,14 @@ class RobotEnvironment : public Node {
 
 // A daemon's config file: what its --print-config would print.
 template <class Config>
-void write_config(Config config, const std::string& onboard_url, const std::string* swarm_url,
-                  const std::filesystem::path& file) {
+void write_config(Config config, std::int64_t clock_offset_us, const std::string& onboard_url,
+                  const std::string* swarm_url, const std::filesystem::path& file) {
   OptionSet options("", "");
   declare(options, config);
   std::ostringstream text;
   const char* arguments[] = {"", "--print-config"};
   (void)options.parse(2, arguments, text);
+  text << "clock-offset-ms = " << 1e-3 * static_cast<double>(clock_offset_us) << '\n';
   text << "onboard-url = " << onboard_url << '\n';
   if (swarm_url != nullptr) text << "swarm-url = " << *swarm_url << '\n';
   write_file(file, text.str());
@@ -298,11 +299,12 @@ RunReport run_processes(const World& world, const OccupiedCubes* static_map, con
     const auto file = [&](const char* daemon, const char* ending) {
       return out / ("robot" + std::to_string(robot.id) + "-" + daemon + ending);
     };
-    write_config(map_config(world, robot, options), onboard, nullptr, file("map", ".cfg"));
-    write_config(planner_config(world, robot, options), onboard, nullptr, file("planner", ".cfg"));
+    const std::int64_t clock_us = simulation.clock_offset_us(i);
+    write_config(map_config(world, robot, options), clock_us, onboard, nullptr, file("map", ".cfg"));
+    write_config(planner_config(world, robot, options), clock_us, onboard, nullptr, file("planner", ".cfg"));
     BroadcastConfig broadcast = broadcast_config(world, robot, options);
     broadcast.state_dir = temporary.path().string();
-    write_config(broadcast, onboard, &robots_swarm, file("broadcast", ".cfg"));
+    write_config(broadcast, clock_us, onboard, &robots_swarm, file("broadcast", ".cfg"));
     for (const char* daemon : kDaemons) {
       const std::string program = std::string(daemon) + "_daemon";
       daemons.push_back({"robot " + std::to_string(robot.id) + "'s " + program,
@@ -364,8 +366,8 @@ RunReport run_processes(const World& world, const OccupiedCubes* static_map, con
     }
     report.channels[channel::kTrajectory].lost += robot->lost();
   }
-  audit.finish();
-  report.commit_conflicts = static_cast<std::int64_t>(audit.conflicts().size());
+  audit.finish(options.clock_offset_ms);
+  report.count_commits(audit);
   return report;
 }
 

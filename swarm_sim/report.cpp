@@ -107,6 +107,11 @@ RunReport make_report(const std::string& world, const std::string& mode, const J
   return report;
 }
 
+void RunReport::count_commits(const CommitAudit& audit) {
+  commit_conflicts = static_cast<std::int64_t>(audit.conflicts().size());
+  forced_commits = audit.forced();
+}
+
 ordered_json to_json(const RunReport& report) {
   ordered_json options = ordered_json::object(), planning = ordered_json::object(), channels = ordered_json::object();
   for (const auto& [name, value] : report.options) options[name] = value;
@@ -122,6 +127,7 @@ ordered_json to_json(const RunReport& report) {
           {"wall", report.wall_s},
           {"touches", list(report.touches)},
           {"commit_conflicts", report.commit_conflicts},
+          {"forced_commits", report.forced_commits},
           {"robots", list(report.robots)},
           {"planning_ms", planning},
           {"mapping_ms", report.mapping.count > 0 ? to_json(report.mapping) : ordered_json(nullptr)},
@@ -137,6 +143,8 @@ std::string summary_table(const RunReport& report) {
                      " s (" + report.mode + ", " + fixed(report.wall_s, 2) + " s of wall time)\n";
   if (report.commit_conflicts > 0)
     text.append("  committed trajectories that meet: ").append(std::to_string(report.commit_conflicts)).append("\n");
+  if (report.forced_commits > 0)
+    text.append("  trajectories forced before an impact: ").append(std::to_string(report.forced_commits)).append("\n");
   for (const Touch& touch : report.touches) {
     const std::string other = touch.other < 0 ? "" : std::to_string(touch.other);
     text.append("  robot ")

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "lcmtypes/bus/codec.h"
+#include "swarm_sim/commit_audit.h"
 #include "swarm_sim/judge.h"
 
 namespace swarm {
@@ -53,10 +54,13 @@ struct RunReport {
   double wall_s = 0.0;      // spent on it
   std::vector<Touch> touches;
   std::int64_t commit_conflicts = 0;  // committed motions that meet; see commit_audit.h
+  std::int64_t forced_commits = 0;    // without everybody's word, before an impact; see commit_protocol.h
   std::vector<RobotReport> robots;
   std::array<TimingStats, kPlanningSteps.size()> planning;  // over all robots
   TimingStats mapping;                                      // building and encoding a SOGM; nothing in processes
   std::map<std::string, ChannelCount> channels;
+
+  void count_commits(const CommitAudit& audit);
 };
 
 // What every host reports the same way: the judge's view and the planning times over all robots.

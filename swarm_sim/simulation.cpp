@@ -67,6 +67,13 @@ std::size_t index_of_robot(const World& world, int id, const char* option) {
   return static_cast<std::size_t>(robot - world.robots.begin());
 }
 
+std::vector<std::int64_t> clock_offsets_us(double offset_ms, std::size_t n) {
+  std::vector<std::int64_t> offsets(n, 0);
+  for (std::size_t i = 0; n > 1 && i < n; ++i)
+    offsets[i] = std::llround(1e3 * offset_ms * (static_cast<double>(i) / static_cast<double>(n - 1) - 0.5));
+  return offsets;
+}
+
 Simulation::Simulation(const World& world, const OccupiedCubes* static_map, const FlightOptions& options,
                        TraceWriter* trace)
     : world_(world), judge_(world, static_map, options.time_limit_s), trace_(trace) {
@@ -74,6 +81,12 @@ Simulation::Simulation(const World& world, const OccupiedCubes* static_map, cons
     const HeaderSource headers(robot.id, 0);
     Vehicle& vehicle = vehicles_.emplace_back(headers);
     vehicle.state.position = robot.start;
+  }
+  const std::vector<std::int64_t> offsets = clock_offsets_us(options.clock_offset_ms, vehicles_.size());
+  for (std::size_t i = 0; i < vehicles_.size(); ++i) {
+    const int id = world.robots[i].id;
+    const auto place = std::ranges::count_if(world.robots, [id](const WorldRobot& other) { return other.id < id; });
+    vehicles_[i].clock_offset_us = offsets[static_cast<std::size_t>(place)];
   }
   states_.resize(vehicles_.size());
   for (const Kill& kill : options.kills) (void)index_of_robot(world, kill.robot_id, "kill");
@@ -100,11 +113,12 @@ void Simulation::on_own_trajectory(std::size_t index, std::span<const std::uint8
 void Simulation::settle(std::int64_t utime) {
   for (Vehicle& vehicle : vehicles_) {
     if (!vehicle.flying) continue;
-    if (utime - vehicle.setpoint.header.utime > kSetpointTimeout_us && vehicle.motion) {
-      vehicle.state = vehicle.motion->at(utime);
+    const std::int64_t clock_utime = utime + vehicle.clock_offset_us;
+    if (clock_utime - vehicle.setpoint.header.utime > kSetpointTimeout_us && vehicle.motion) {
+      vehicle.state = vehicle.motion->at(clock_utime);
       continue;
     }
-    const double dt = 1e-6 * static_cast<double>(utime - vehicle.setpoint.header.utime);
+    const double dt = 1e-6 * static_cast<double>(clock_utime - vehicle.setpoint.header.utime);
     const Eigen::Vector3d p(vehicle.setpoint.position), v(vehicle.setpoint.velocity);
     const Eigen::Vector3d a(vehicle.setpoint.acceleration), j(vehicle.setpoint.jerk);
     vehicle.state.position = p + dt * (v + dt / 2 * (a + dt / 3 * j));
@@ -127,7 +141,7 @@ void Simulation::tick(double t_s, std::int64_t utime) {
 sogm_swarm::robot_state_t Simulation::state_message(std::size_t index, std::int64_t utime) {
   Vehicle& vehicle = vehicles_[index];
   sogm_swarm::robot_state_t message{};
-  message.header = vehicle.state_headers.next(utime);
+  message.header = vehicle.state_headers.next(utime + vehicle.clock_offset_us);
   Eigen::Map<Eigen::Vector3d>(message.position) = vehicle.state.position;
   Eigen::Map<Eigen::Vector3d>(message.velocity) = vehicle.state.velocity;
   message.yaw = vehicle.yaw_rad;
@@ -137,7 +151,7 @@ sogm_swarm::robot_state_t Simulation::state_message(std::size_t index, std::int6
 sogm_swarm::obstacles_t Simulation::obstacles_message(std::size_t index, double t_s, std::int64_t utime) {
   Vehicle& vehicle = vehicles_[index];
   sogm_swarm::obstacles_t message{};
-  message.header = vehicle.obstacle_headers.next(utime);
+  message.header = vehicle.obstacle_headers.next(utime + vehicle.clock_offset_us);
   for (std::size_t i = 0; i < world_.obstacles.size(); ++i) {
     const WorldObstacle& obstacle = world_.obstacles[i];
     const std::optional<ObstacleState> state = state_at(obstacle, world_, std::max(t_s, 0.0));
@@ -151,7 +165,8 @@ sogm_swarm::obstacles_t Simulation::obstacles_message(std::size_t index, double 
 
 sogm_swarm::goal_t Simulation::goal_message(std::size_t index, std::int64_t utime) {
   sogm_swarm::goal_t message{};
-  message.header = vehicles_[index].goal_headers.next(utime);
+  Vehicle& vehicle = vehicles_[index];
+  message.header = vehicle.goal_headers.next(utime + vehicle.clock_offset_us);
   Eigen::Map<Eigen::Vector3d>(message.position) = world_.robots[index].goal;
   return message;
 }

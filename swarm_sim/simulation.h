@@ -28,6 +28,8 @@ struct FlightOptions {
   PlannerNodeConfig planner;
   BroadcastConfig broadcast;
   LinkOptions link;  // between robots
+  double clock_offset_ms =
+      0.0;  // between the clocks of the first robot and the last, the others' in equal steps between
   std::vector<Kill> kills;
 };
 
@@ -39,6 +41,9 @@ BroadcastConfig broadcast_config(const World& world, const WorldRobot& robot, co
 // Of a robot in the world's order, by its id. Throws OptionError, beginning with `option`, where there is none.
 std::size_t index_of_robot(const World& world, int id, const char* option);
 
+// By how much the clock of each of n robots is ahead of the world's, the lowest id's first [us].
+std::vector<std::int64_t> clock_offsets_us(double offset_ms, std::size_t n);
+
 class Simulation {
  public:
   static constexpr std::int64_t kTick_us = 10'000;
@@ -49,6 +54,9 @@ class Simulation {
 
   std::size_t num_robots() const { return vehicles_.size(); }
   const Judge& judge() const { return judge_; }
+
+  // By how much the clock of robot `index` is ahead of the world's; its messages, both ways, carry its own time.
+  std::int64_t clock_offset_us(std::size_t index) const { return vehicles_[index].clock_offset_us; }
 
   // A setpoint message of robot `index` (in the world's order); anything else is ignored.
   void on_setpoint(std::size_t index, std::span<const std::uint8_t> bytes);
@@ -71,6 +79,7 @@ class Simulation {
     explicit Vehicle(const HeaderSource& headers)
         : state_headers(headers), obstacle_headers(headers), goal_headers(headers) {}
 
+    std::int64_t clock_offset_us = 0;
     MotionState state;
     double yaw_rad = 0.0;
     sogm_swarm::setpoint_t setpoint{};

@@ -40,6 +40,7 @@ struct Peer {
   ack_t about_us{kBoot, 0, ack_t::kNone};  // to the robot under test
   std::int32_t boot = 9;
   std::int64_t seq = 0;
+  std::int32_t least_delay_us = announcement_t::kUnknown;
 
   // To robot `to` of the roster 0, 1, 2.
   announcement_t message(std::int64_t utime, int to) {
@@ -51,6 +52,7 @@ struct Peer {
     message.pending_state = pending_state;
     message.pending_stamp = stamp;
     message.roster_crc = kRosterCrc;
+    message.least_delay_us = least_delay_us;
     message.num_acks = 3;
     message.acks.assign(3, {-1, 0, ack_t::kNone});
     message.acks[static_cast<std::size_t>(to)] = about_us;
@@ -100,8 +102,9 @@ class Robot : public Kept, public Bench<BroadcastNode> {
     const std::int64_t start = now_us + std::llround(lead_s * 1e6);
     return quintic_to(node.motion()->at(start), start, to, seconds);
   }
-  void propose(const Trajectory& trajectory) {
+  void propose(const Trajectory& trajectory, bool urgent = false) {
     candidate_t candidate{};
+    candidate.urgent = urgent ? 1 : 0;
     candidate.header = make_header(id_, 1, next_candidate_++, std::min(now_us, trajectory.start_utime()));
     candidate.trajectory = trajectory.to_wire();
     send(channel::kCandidate, candidate);
@@ -636,7 +639,7 @@ TEST(BroadcastNode, CommitsNothingThatItCannotKeep) {
 
 TEST(BroadcastNode, CommitsNothingWhileClocksDisagree) {
   Robot robot(0);
-  robot.send(channel::kTrajectory, robot.peers.at(1).message(robot.now_us + 100'001, 0), BusId::kSwarm);
+  robot.send(channel::kTrajectory, robot.peers.at(1).message(robot.now_us + 10'001, 0), BusId::kSwarm);
   robot.propose(robot.plan({1, 0, 1}));
   EXPECT_EQ(robot.node.rejected(Rejection::kClock), 1);
   robot.run_for(1.0);
@@ -644,6 +647,92 @@ TEST(BroadcastNode, CommitsNothingWhileClocksDisagree) {
   robot.run_for(0.001);
   robot.propose(robot.plan({1, 0, 1}));
   EXPECT_EQ(robot.node.protocol().commits(), 1);
+}
+
+// A peer whose clock is behind or ahead is found out though its messages take longer than that; delays alone are not.
+TEST(BroadcastNode, CommitsNothingWhileAPeersClockIsWrong) {
+  for (const int ahead_ms : {-20, 0, 20}) {
+    SCOPED_TRACE(ahead_ms);
+    Robot robot(0, false);
+    robot.send_state();
+    robot.hear(2);
+    constexpr int kDelay_ms = 30;
+    for (int i = 0; i < 3 * ClockOffset::kEnough; ++i) {
+      Peer& peer = robot.peers.at(1);
+      peer.least_delay_us = 1000 * (kDelay_ms + ahead_ms);  // of our announcements
+      const std::int64_t sent = robot.now_us + 1000 * (ahead_ms - kDelay_ms);
+      robot.send(channel::kTrajectory, peer.message(sent, 0), BusId::kSwarm);
+      robot.run_for(0.02);
+    }
+    robot.propose(robot.plan({1, 0, 1}));
+    EXPECT_EQ(robot.node.rejected(Rejection::kClock), ahead_ms == 0 ? 0 : 1);
+    EXPECT_EQ(robot.node.protocol().commits(), ahead_ms == 0 ? 1 : 0);
+    robot.run_for(1.0);
+    const auto status = robot.out.newest<broadcast_status_t>(channel::kBroadcastStatus);
+    EXPECT_NEAR(status.max_clock_offset_ms, 0.0, 1e-3) << "the peer has been silent for a second";
+    std::vector<std::int32_t> told;
+    for (const announcement_t& message : robot.out.all<announcement_t>(channel::kTrajectory, BusId::kSwarm)) {
+      if (message.header.seq % 3 == 1) {
+        told.push_back(message.least_delay_us);
+      } else {
+        EXPECT_EQ(message.least_delay_us, announcement_t::kUnknown);
+      }
+    }
+    EXPECT_EQ(told.front(), announcement_t::kUnknown);
+    EXPECT_EQ(told.back(), 1000 * (kDelay_ms - ahead_ms));
+  }
+}
+
+TEST(BroadcastNode, WhatIsUrgentIsCommittedAtTheLastMomentWithoutAnAnswer) {
+  Robot robot(1);
+  const Trajectory flight = robot.plan({1, 0, 1}, 0.5);
+  robot.propose(flight, true);
+  robot.run_until(flight.start_utime() - 10'100);
+  EXPECT_EQ(robot.announced().pending_state, announcement_t::kAnnounced);
+  robot.run_until(flight.start_utime() - 9'900);
+  EXPECT_EQ(robot.announced().pending_state, announcement_t::kForced);
+  EXPECT_EQ(robot.node.motion()->next.start_utime(), flight.start_utime());
+  robot.run_for(1.0);
+  EXPECT_EQ(robot.node.motion()->committed.seq(), 2);
+  const auto status = robot.out.newest<broadcast_status_t>(channel::kBroadcastStatus);
+  EXPECT_EQ(status.forced, 1);
+  EXPECT_EQ(status.commits, 1);
+}
+
+TEST(BroadcastNode, WhatIsUrgentIsNotForcedWhenPeersAgreeInTime) {
+  Robot robot(1);
+  robot.propose(robot.plan({1, 0, 1}, 0.5), true);
+  robot.hear_verdict(0, 2, ack_t::kAck);
+  EXPECT_EQ(robot.announced().pending_state, announcement_t::kCommitted);
+  EXPECT_EQ(robot.node.protocol().forced(), 0);
+}
+
+TEST(BroadcastNode, WhatIsUrgentKeepsOffEverythingKnown) {
+  for (const bool known : {false, true}) {  // that the holder wants to pass there: nobody has promised it
+    Robot robot(1);
+    Peer& holder = robot.peers.at(0);
+    const Trajectory flight = robot.plan({1, 0, 1}, 0.5);
+    robot.propose(flight, true);
+    if (known) {
+      holder.pends(quintic_to(holder.committed.at(robot.now_us), robot.now_us + 600'000, {1, 0.1, 1}, 2.0),
+                   robot.now_us + 1);
+      robot.hear(0);
+    }
+    robot.run_until(flight.start_utime());
+    EXPECT_EQ(robot.node.protocol().forced(), known ? 0 : 1);
+    EXPECT_EQ(robot.node.protocol().withdrawn(), known ? 1 : 0);
+  }
+}
+
+// Nobody has been heard since the start, and something comes.
+TEST(BroadcastNode, WhatIsUrgentWaitsForNoStrangers) {
+  Robot robot(1, false);
+  robot.send_state();
+  robot.propose(robot.plan({1, 0, 1}, 0.3));
+  EXPECT_EQ(robot.node.rejected(Rejection::kWaiting), 1);
+  robot.propose(robot.plan({1, 0, 1}, 0.3), true);
+  robot.run_for(0.3);
+  EXPECT_EQ(robot.node.protocol().forced(), 1);
 }
 
 TEST(BroadcastNode, StatusTellsWhatHappened) {

@@ -63,6 +63,33 @@ TEST(CommitAudit, ARestartThatCountsFromTheBeginningIsAudited) {
   EXPECT_EQ(audit.conflicts().size(), 1u);
 }
 
+// Forced ones are conflicts like others, and said to be forced, also once they are flown.
+TEST(CommitAudit, WhatWasForcedIsTold) {
+  CommitAudit audit;
+  const Trajectory hop = flight(kHover1, {0.3, 0, 1});
+  audit.hear(announcement(1, 0, kHover1));
+  audit.hear(announcement(1, 1, kHover1, hop, announcement_t::kForced));
+  audit.hear(announcement(1, 2, hop));
+  EXPECT_EQ(audit.motions(), 2);
+  EXPECT_EQ(audit.forced(), 1);
+  audit.hear(announcement(0, 0, kHover0));
+  ASSERT_EQ(audit.conflicts().size(), 1u);
+  EXPECT_TRUE(audit.conflicts()[0].forced);
+}
+
+// Where clocks differ, motions are compared at the same moments.
+TEST(CommitAudit, TimesAreSetBackByTheClocksOffset) {
+  for (const std::int64_t offset_us : {0, 400'000}) {
+    CommitAudit audit;  // one after the other through the same place; by the second's clock, at once
+    const Trajectory first = flight(Trajectory::hover(1, kStart_us, {-2, 0, 1}), {2, 0, 1});
+    Trajectory second = flight(Trajectory::hover(1, kStart_us, {0, -2, 1}), {0, 2, 1});
+    second.shift(400'000);
+    audit.hear(announcement(0, 0, first));
+    audit.hear(announcement(1, 0, second), offset_us);
+    EXPECT_EQ(audit.conflicts().size(), offset_us == 0 ? 0u : 1u);
+  }
+}
+
 TEST(CommitAudit, ALogOfAFlightOverABadLinkIsClean) {
   const TemporaryDirectory directory;
   const World world = make_world(Task::kCircle, Environment::kEmpty, 0, 3, {.robots = 4, .circle_m = 2.5});
@@ -85,8 +112,9 @@ TEST(CommitAudit, ALogOfAFlightOverABadLinkIsClean) {
   };
   const Finished clean = audited("swarm.lcm");
   EXPECT_EQ(clean.exit_code, 0) << clean.err;
-  EXPECT_NE(clean.out.find("4 robots, " + std::to_string(audit.motions()) + " committed motions, 0 conflicts"),
-            std::string::npos)
+  EXPECT_NE(
+      clean.out.find("4 robots, " + std::to_string(audit.motions()) + " committed motions (0 forced), 0 conflicts"),
+      std::string::npos)
       << clean.out;
   EXPECT_EQ(audited("robot0.lcm").exit_code, 2);  // no announcements
   EXPECT_EQ(audited("none.lcm").exit_code, 2);

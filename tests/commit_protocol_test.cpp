@@ -27,6 +27,7 @@ struct Scope {
   std::size_t copies = 2;                       // announcements under way from one robot to another: the newest ones
   int crashes = 0;
   bool strangers = false;  // nobody has heard anybody yet
+  int urgent = -1;         // the place of a robot that is always about to be hit; -1: none
   // Faults, to see that they are found.
   bool same_boot = false;  // a restart that peers cannot tell
   bool any_order = false;  // older announcements overwrite newer ones
@@ -62,6 +63,9 @@ class Swarm {
         for (std::size_t v = 0; v < link(i, j).size(); ++v) after([&](Swarm& s) { s.deliver(i, j, v); });
       }
       if (crashes_ > 0) after([&](Swarm& s) { s.crash(i); });
+      const Trajectory& waits = robots_[i].protocol.announced();  // its last moment may come before any other event
+      if (static_cast<int>(i) == scope_.urgent && !waits.empty() && waits.start_utime() == now_us() + kTick_us)
+        after([&](Swarm& s) { s.settle(i, waits.start_utime() - 1); });
     }
     if (tick_ < scope_.ticks) after([](Swarm& s) { s.tick(); });
   }
@@ -162,10 +166,11 @@ class Swarm {
   void keep(std::size_t i) { robots_[i].kept = robots_[i].protocol.state(); }
 
   // What a node does after every event.
-  void settle(std::size_t i) {
+  void settle(std::size_t i) { settle(i, now_us()); }
+  void settle(std::size_t i, std::int64_t utime) {
     Robot& robot = robots_[i];
-    robot.protocol.advance(now_us());
-    if (robot.protocol.may_commit(now_us())) {
+    robot.protocol.advance(utime);
+    if (robot.protocol.may_commit(utime)) {
       robot.protocol.commit([&robot](const announcement_t& promise) {
         robot.kept = promise;
         return true;
@@ -191,7 +196,8 @@ class Swarm {
     Robot& robot = robots_[i];
     const std::int64_t start = now_us() + kTick_us;
     const Trajectory flight = quintic_to(robot.protocol.motion()->at(start), start, to, 1.0, 1);
-    (void)robot.protocol.propose(now_us(), flight);
+    const bool urgent = static_cast<int>(i) == scope_.urgent;
+    (void)robot.protocol.propose(now_us(), flight, urgent);
     settle(i);
   }
   void deliver(std::size_t from, std::size_t to, std::size_t version) {
@@ -335,6 +341,8 @@ TEST(CommitProtocol, FaultsAreFound) {
   any_order.any_order = true;
   forgets.forgets = true;
   for (const Scope& faulty : {same_boot, any_order, forgets}) EXPECT_NE(search(faulty).conflict, "");
+  // Forced commits can meet others: that is why they are the last resort.
+  EXPECT_NE(search({.sites = kSites, .goals = kSwap, .ticks = 4, .urgent = 1}).conflict, "");
 }
 
 }  // namespace

@@ -88,6 +88,35 @@ TEST(MotionsSeparatedTest, AgreesWithDenseSampling) {
   EXPECT_LT(decided_by_tail, 500);
 }
 
+// Whatever is said to be apart is apart for every shift of the second motion, and what is farther apart than it can
+// come nearer in that time is said to be.
+TEST(MotionsSeparatedTest, AllowsForAWrongClock) {
+  Rng rng(3);
+  int differ = 0;
+  for (int trial = 0; trial < 300; ++trial) {
+    const Motion a = random_motion(rng, kStart, 1.5);
+    const Motion b = random_motion(rng, kStart - uniform_int(rng, 100'000, 1'000'000), 1.5);
+    const double error_s = uniform(rng, 0.005, 0.05);
+    const std::int64_t from = kStart + uniform_int(rng, 0, 1'000'000);
+    double least = INFINITY, fastest = 0.0;
+    for (const double share : {-1.0, -0.5, 0.0, 0.5, 1.0}) {
+      Motion late = b;
+      late.committed.shift(std::llround(share * 1e6 * error_s));
+      late.next.shift(std::llround(share * 1e6 * error_s));
+      least = std::min(least, least_sampled_distance(a, late, from));
+    }
+    for (std::int64_t t = from - 60'000; t < b.end_utime(); t += 1000)
+      fastest = std::max(fastest, b.at(t).velocity.norm());
+    const double distance = uniform(rng, 0.05, 1.0);
+    const bool answer = motions_separated(a, b, from, distance, error_s);
+    ASSERT_TRUE(!answer || least >= distance - 1e-9) << "trial " << trial << ", " << least << " < " << distance;
+    const bool clear = least_sampled_distance(a, b, from) > distance + 2.5 * error_s * fastest + 0.02;
+    ASSERT_TRUE(answer || !clear) << "trial " << trial;
+    differ += answer != motions_separated(a, b, from, distance);
+  }
+  EXPECT_GT(differ, 5);
+}
+
 Motion line(std::int64_t start_utime, const Vector3d& from, const Vector3d& to) {
   Motion motion{Trajectory(1, start_utime, 1'000'000, 1), {}};
   MotionState state;
@@ -96,6 +125,13 @@ Motion line(std::int64_t start_utime, const Vector3d& from, const Vector3d& to) 
   state.position = to;
   motion.committed.set_knot(1, state);
   return motion;
+}
+
+TEST(MotionsSeparatedTest, WhateverRestsNeedsNoClock) {
+  const Motion passing = line(kStart, {-1, 0.41, 1}, {1, 0.41, 1});
+  const Motion hovering{Trajectory::hover(1, kStart - 1'000'000, {0, 0, 1}), {}};
+  EXPECT_TRUE(motions_separated(passing, hovering, kStart, 0.4, 0.1));
+  EXPECT_FALSE(motions_separated(hovering, passing, kStart, 0.4, 0.1));
 }
 
 TEST(MotionsSeparatedTest, SamePlaceAtDifferentTimesIsNoConflict) {

@@ -73,6 +73,21 @@ TEST(Faults, WhoeverIsDownWaitsWhereItPromisedTo) {
   }
 }
 
+// The robots wait for a silent one, an obstacle comes: they get out of its way without its word.
+TEST(Faults, WhoeverWaitsForASilentPeerIsNotHit) {
+  std::int64_t forced = 0;
+  for (int seed = 1; seed <= (kSanitized ? 2 : 6); ++seed) {
+    FlightOptions options;
+    options.link.outages = parse_outages("0:3:9");
+    const World world = make_world(Task::kCross, Environment::kMixed, 20, static_cast<std::uint64_t>(seed));
+    const RunReport report = run_lockstep(world, nullptr, options, {}, nullptr, nullptr, nullptr);
+    EXPECT_EQ(report.outcome, Outcome::kSuccess) << summary_table(report);
+    EXPECT_EQ(report.commit_conflicts, 0);
+    forced += report.forced_commits;
+  }
+  EXPECT_GT(forced, 0);
+}
+
 TEST(Faults, KillsOfUnknownRobotsAreRefused) {
   EXPECT_THROW((void)fly("map:9@1"), OptionError);
 }

@@ -119,5 +119,21 @@ TEST(LinkModel, FlightsOverABadLinkDoNotTouch) {
   for (const RobotReport& robot : report.robots) EXPECT_LT(robot.verdict.to_robots.distance_m, 4.0);  // they did fly
 }
 
+// Clocks that differ by less than is allowed for cost nothing; beyond, nobody flies.
+TEST(LinkModel, ClocksMayDifferUpToTheLimit) {
+  const World world = make_world(Task::kCircle, Environment::kEmpty, 0, 3, {.robots = 4, .circle_m = 2.5});
+  for (const double offset_ms : {9.0, 11.5}) {
+    SCOPED_TRACE(offset_ms);
+    FlightOptions options;
+    options.time_limit_s = offset_ms < 10.0 ? 12.0 : 20.0;
+    options.link.delay_ms = 3;
+    options.clock_offset_ms = offset_ms;
+    const RunReport report = run_lockstep(world, nullptr, options, {}, nullptr, nullptr, nullptr);
+    EXPECT_TRUE(report.touches.empty()) << summary_table(report);
+    EXPECT_EQ(report.commit_conflicts, 0);
+    EXPECT_EQ(report.outcome == Outcome::kSuccess, offset_ms < 10.0) << summary_table(report);
+  }
+}
+
 }  // namespace
 }  // namespace swarm

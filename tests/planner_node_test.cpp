@@ -76,8 +76,8 @@ class Fixture : public Bench<PlannerNode> {
     send_goal(goal);
     send_map();
   }
-  void occupy(const Eigen::Vector3d& low, const Eigen::Vector3d& high) {
-    for (int frame = 0; frame < map.num_frames; ++frame) {
+  void occupy(const Eigen::Vector3d& low, const Eigen::Vector3d& high, int first_frame = 0) {
+    for (int frame = first_frame; frame < map.num_frames; ++frame) {
       for (double x = low.x() + 0.05; x < high.x(); x += 0.1) {
         for (double y = low.y() + 0.05; y < high.y(); y += 0.1) {
           for (double z = low.z() + 0.05; z < high.z(); z += 0.1) {
@@ -186,6 +186,88 @@ TEST(PlannerNode, WaitsForAnAnnouncedPlan) {
   EXPECT_EQ(f.node.plans(), 2);
   f.run_for(0.22);  // nothing more is heard: its time has passed
   EXPECT_EQ(f.node.plans(), 3);
+}
+
+// Where the robot hovers, something will be `s` seconds from now on.
+void send_threat(Fixture& f, double s) {
+  f.map.reset(f.map.geometry, f.map.num_frames, 0, f.map.frame_duration_us);
+  f.occupy(kHome - Eigen::Vector3d(0.3, 0.3, 1), kHome + Eigen::Vector3d(0.3, 0.3, 1), static_cast<int>(s * 10));
+  f.send_map();
+}
+
+TEST(PlannerNode, PlansAreUrgentWhereTheRobotWouldBeHitSoon) {
+  for (const double s : {0.9, 1.4}) {
+    Fixture f;
+    f.send_hover();
+    f.send_goal(kHome);
+    send_threat(f, s);
+    ASSERT_EQ(f.node.plans(), 1);
+    EXPECT_EQ(f.out.newest<candidate_t>(channel::kCandidate).urgent, s < 1.0 ? 1 : 0);
+    EXPECT_GT((end_of(f.planned()) - kHome).norm(), 0.4);  // out of the way in any case
+  }
+}
+
+// Peers are silent, so plans begin late; what is urgent begins as early as ever.
+TEST(PlannerNode, WhatIsUrgentWaitsForNoAnswers) {
+  Fixture f;
+  f.start({2, 0, 1});
+  for (int i = 0; i < 40; ++i) {
+    carry_out(f, CommitDelay::kLongest_s, false);
+    (void)lead_s(f);
+  }
+  ASSERT_NEAR(lead_s(f), Fixture::make_config().lead_s + CommitDelay::kLongest_s, 1e-6);
+  Trajectory plan = f.planned();
+  plan.set_seq(7);
+  const Trajectory hover = Trajectory::hover(1, f.now_us, kHome);
+  f.send(channel::kOwnTrajectory, f.announcement(kRobot, hover, plan, announcement_t::kAnnounced, f.now_us));
+  const int plans = f.node.plans();
+  f.run_for(0.1);
+  f.send_map();
+  EXPECT_EQ(f.node.plans(), plans);  // it waits for the plan that was announced
+  f.run_for(0.1);
+  send_threat(f, 1.9);
+  EXPECT_EQ(f.node.plans(), plans + 1);
+  EXPECT_EQ(f.out.newest<candidate_t>(channel::kCandidate).urgent, 1);
+  EXPECT_LT(f.planned().start_utime(), f.now_us + 50'000);
+  f.run_for(0.1);
+  send_threat(f, 1.8);
+  EXPECT_EQ(f.node.plans(), plans + 1);  // an urgent plan is waited for
+}
+
+// Who is not heard may have stepped aside: the way past it leads farther off.
+TEST(PlannerNode, KeepsFarFromSilentPeers) {
+  double nearest[2] = {INFINITY, INFINITY};
+  for (const bool silent : {false, true}) {
+    Fixture f;
+    const Eigen::Vector3d place(2.5, 0.3, 1);
+    f.send_peer(7, Trajectory::hover(1, f.now_us, place));
+    if (silent) f.run_for(0.6);
+    f.start({5, 0, 1});
+    const Trajectory plan = f.planned();
+    for (std::int64_t t = plan.start_utime(); t < plan.end_utime(); t += 10'000)
+      nearest[silent] = std::min(nearest[silent], (plan.at(t).position - place).norm());
+  }
+  EXPECT_LT(nearest[0], 0.9);
+  EXPECT_GT(nearest[1], nearest[0] + 0.3);
+}
+
+// A plan that was forced was not answered: the next one that is urgent only steps aside.
+TEST(PlannerNode, WithoutAnswersItOnlyStepsAside) {
+  for (const bool answered : {true, false}) {
+    Fixture f;
+    f.start({3, 0, 1});
+    Trajectory plan = f.planned();
+    plan.set_seq(7);
+    const auto state = answered ? announcement_t::kCommitted : announcement_t::kForced;
+    f.send(channel::kOwnTrajectory,
+           f.announcement(kRobot, Trajectory::hover(1, f.now_us, kHome), plan, state, f.now_us));
+    f.run_until(plan.start_utime() + 20'000);
+    f.send_hover();
+    send_threat(f, 0.9);
+    ASSERT_EQ(f.node.plans(), 2);
+    EXPECT_EQ(f.out.newest<candidate_t>(channel::kCandidate).urgent, 1);
+    EXPECT_EQ((end_of(f.planned()) - kHome).x() > 1.2, answered) << end_of(f.planned()).transpose();
+  }
 }
 
 TEST(PlannerNode, PlansFartherAheadWherePeersAnswerLate) {

@@ -62,7 +62,8 @@ inline void make(Random& random, int elements, announcement_t* m) {
   m->pending = m->pending_state == 0 ? trajectory_t{} : make_trajectory(random, m->header.utime);
   m->pending_stamp = m->header.utime - 1000;
   m->roster_crc = integer(random, 0, 1 << 30);
-  m->num_acks = static_cast<std::int16_t>(std::min(elements, 63));
+  m->least_delay_us = integer(random, -100'000, announcement_t::kUnknown);
+  m->num_acks = static_cast<std::int16_t>(std::min(elements, 62));
   m->header.robot_id = 1000;
   for (int i = 0; i < m->num_acks; ++i) {
     ack_t ack{};
@@ -74,7 +75,7 @@ inline void make(Random& random, int elements, announcement_t* m) {
 }
 inline void make(Random& random, int, broadcast_status_t* m) {
   m->state = static_cast<std::int16_t>(integer(random, 0, 4));
-  m->candidates = m->commits = m->withdrawn = m->peers_heard = m->lost = integer(random, 0, 1 << 30);
+  m->candidates = m->commits = m->forced = m->withdrawn = m->peers_heard = m->lost = integer(random, 0, 1 << 30);
   fill(random, m->rejected);
   fill(random, m->refused);
   m->max_age_ms = m->max_clock_offset_ms = static_cast<float>(real(random, 0, 1e3));

@@ -59,10 +59,11 @@ Sogm drawn(const SweptVolumes& volumes, const Sogm& sogm) {
   return out;
 }
 
-Sogm swept(const Motion& motion, double radius_m, const Sogm& sogm, const std::vector<Columns>& bounds) {
+Sogm swept(const Motion& motion, double radius_m, const Sogm& sogm, const std::vector<Columns>& bounds,
+           std::int64_t clock_error_us = 0) {
   SweptVolumes volumes;
   volumes.lay_out(sogm);
-  volumes.add(motion, radius_m, bounds);
+  volumes.add(motion, radius_m, clock_error_us, bounds);
   return drawn(volumes, sogm);
 }
 
@@ -90,7 +91,8 @@ TEST(SweptVolumeTest, MarksWhatTheMotionSweepsInEachFrameAndLittleMore) {
     const Sogm window = random_window(rng);
     const Motion motion = random_motion(rng, kStart - uniform_int(rng, 0, 1'000'000), 2.0);
     const double radius = uniform(rng, 0.1, 0.5);
-    const Sogm sogm = swept(motion, radius, window, everywhere(window));
+    const std::int64_t error = trial % 2 == 0 ? 0 : uniform_int(rng, 1, 50'000);  // of the clock
+    const Sogm sogm = swept(motion, radius, window, everywhere(window), error);
     SCOPED_TRACE(testing::Message() << "trial " << trial << ", radius " << radius << ", resolution "
                                     << sogm.geometry.resolution_m << ", origin " << sogm.geometry.origin.transpose()
                                     << ", size " << sogm.geometry.size.transpose() << ", " << sogm.num_frames
@@ -98,7 +100,8 @@ TEST(SweptVolumeTest, MarksWhatTheMotionSweepsInEachFrameAndLittleMore) {
                                     << motion);
     const GridGeometry& grid = sogm.geometry;
     for (int frame = 0; frame < sogm.num_frames; ++frame) {
-      const std::int64_t from = kStart + frame * sogm.frame_duration_us, to = from + sogm.frame_duration_us;
+      const std::int64_t from = kStart + frame * sogm.frame_duration_us - error;
+      const std::int64_t to = from + sogm.frame_duration_us + 2 * error;
       switches_inside_a_frame +=
           !motion.next.empty() && motion.next.start_utime() > from && motion.next.start_utime() < to;
       const std::vector<Vector3d> positions = positions_during(motion, from, to);
@@ -167,10 +170,10 @@ TEST(SweptVolumeTest, KeepsOffFarWindowsAndHoldsSeveralMotions) {
   sogm.reset({.resolution_m = 0.1, .origin = {0, 0, 0}, .size = {10, 10, 10}}, 2, kStart, 200'000);
   SweptVolumes volumes;
   volumes.lay_out(sogm);
-  volumes.add({Trajectory::hover(1, kStart, {-5, 0, 50}), {}}, 0.3, everywhere(sogm));
+  volumes.add({Trajectory::hover(1, kStart, {-5, 0, 50}), {}}, 0.3, 0, everywhere(sogm));
   EXPECT_EQ(drawn(volumes, sogm).words, sogm.words);
-  volumes.add({Trajectory::hover(1, kStart, {0.85, 0.85, 0.85}), {}}, 0.1, everywhere(sogm));
-  volumes.add({Trajectory::hover(1, kStart, {0.25, 0.35, 0.45}), {}}, 0.1, everywhere(sogm));
+  volumes.add({Trajectory::hover(1, kStart, {0.85, 0.85, 0.85}), {}}, 0.1, 0, everywhere(sogm));
+  volumes.add({Trajectory::hover(1, kStart, {0.25, 0.35, 0.45}), {}}, 0.1, 0, everywhere(sogm));
   EXPECT_TRUE(drawn(volumes, sogm).occupied(1, {2, 3, 4}));
   EXPECT_TRUE(drawn(volumes, sogm).occupied(1, {8, 8, 8}));
   std::vector<Layer> layers;

@@ -17,30 +17,35 @@ using Eigen::Vector3i;
 
 constexpr std::int64_t kStart = 1'700'000'000'000'000;
 
-// Occupied voxels and those of the peers, everywhere.
-Sogm with_peers(const Sogm& sogm, const std::vector<Peer>& peers) {
-  Sogm all = sogm;
-  const std::vector<Columns> everywhere(static_cast<std::size_t>(sogm.num_frames), all_columns(sogm.geometry));
+// Adds what a peer sweeps, everywhere.
+void draw(const Motion& motion, double radius_m, Sogm* sogm) {
+  const std::vector<Columns> everywhere(static_cast<std::size_t>(sogm->num_frames), all_columns(sogm->geometry));
   SweptVolumes volumes;
-  volumes.lay_out(sogm);
-  for (const Peer& peer : peers) {
-    volumes.add(peer.motion, peer.radius_m + 0.5 * sogm.geometry.resolution_m, everywhere);
-    if (!peer.announced.empty())
-      volumes.add({peer.motion.committed, peer.announced}, peer.radius_m + 0.5 * sogm.geometry.resolution_m,
-                  everywhere);
-  }
-  for (int frame = 0; frame < sogm.num_frames; ++frame) {
+  volumes.lay_out(*sogm);
+  volumes.add(motion, radius_m, std::llround(1e6 * ZoneOptions().clock_error_s), everywhere);
+  for (int frame = 0; frame < sogm->num_frames; ++frame) {
     std::vector<Layer> layers;
-    volumes.append_layers(frame, all_columns(sogm.geometry), &layers);
+    volumes.append_layers(frame, all_columns(sogm->geometry), &layers);
     for (const Layer& layer : layers) {
-      for_each_column(sogm.geometry, [&](int x, int y) {
+      for_each_column(sogm->geometry, [&](int x, int y) {
         if (!holds(layer.columns, x, y)) return;
         const Eigen::Vector2i at = Eigen::Vector2i(x, y) - layer.columns.first;
-        const int words = sogm.geometry.words_per_column();
+        const int words = sogm->geometry.words_per_column();
         for (int w = 0; w < words; ++w)
-          all.column(frame, x, y)[w] |= layer.words[static_cast<std::size_t>(at.x()) * layer.row + at.y() * words + w];
+          sogm->column(frame, x, y)[w] |=
+              layer.words[static_cast<std::size_t>(at.x()) * layer.row + at.y() * words + w];
       });
     }
+  }
+}
+
+// Occupied voxels and those of the peers.
+Sogm with_peers(const Sogm& sogm, const std::vector<Peer>& peers) {
+  Sogm all = sogm;
+  for (const Peer& peer : peers) {
+    const double radius_m = peer.radius_m + 0.5 * sogm.geometry.resolution_m;
+    draw(peer.motion, radius_m, &all);
+    if (!peer.announced.empty()) draw({peer.motion.committed, peer.announced}, radius_m, &all);
   }
   return all;
 }
@@ -59,6 +64,9 @@ class ZonesTest : public testing::Test {
       }
     }
     dilate(all, options.radius_m + options.clearance_m, &blocked);
+    for (const Peer& peer : peers) {
+      if (peer.silent) draw(peer.motion, peer.radius_m + 0.5 * sogm.geometry.resolution_m + options.berth_m, &lately);
+    }
     dilate(lately, options.radius_m + options.clearance_m, &wake);
     dilate(wake, options.comfort_m, &near);
     dilate(all, options.radius_m + options.tight_m, &tight);
@@ -74,8 +82,9 @@ class ZonesTest : public testing::Test {
 
 TEST_F(ZonesTest, EqualTheirDefinitionWherePrepared) {
   Rng rng(1);
-  Zones zones({});  // one for all: what is left of earlier maps must not show
-  const ZoneOptions options;
+  ZoneOptions options;
+  options.berth_m = 0.3;
+  Zones zones(options);  // one for all: what is left of earlier maps must not show
   int compared = 0, emergencies = 0, set = 0;
   for (int trial = 0; trial < 40; ++trial) {
     const Vector3d size_m = trial / 10 == 1 ? Vector3d(3, 3.5, 7) : Vector3d(5, 4.3, 2);
@@ -83,6 +92,7 @@ TEST_F(ZonesTest, EqualTheirDefinitionWherePrepared) {
     std::vector<Peer> peers(static_cast<std::size_t>(trial % 3));
     for (Peer& peer : peers) {
       peer.motion = random_motion(rng, kStart - 500'000, 2.0);
+      peer.silent = trial % 5 == 0;
       if (trial % 2 == 0) {
         const std::int64_t leave = kStart + 150'000;
         peer.announced = random_trajectory(rng, 2, leave, peer.motion.committed.at(leave), 2.0);
@@ -223,6 +233,41 @@ TEST(ZonesOfAPoint, FirstBlockedAgreesWithBruteForce) {
   EXPECT_GT(blocked, 30);
   EXPECT_LT(blocked, 190);
   EXPECT_GT(by_the_tail, 0);
+}
+
+TEST(FirstTouch, AgreesWithBruteForce) {
+  Rng rng(7);
+  int touched = 0;
+  for (int trial = 0; trial < 200; ++trial) {
+    Sogm sogm = random_bits({30, 30, 70}, 5, 0.002, 0.1, rng);
+    sogm.start_utime = kStart;
+    const Vector3d middle = sogm.geometry.center_of(sogm.geometry.size / 2);
+    Motion motion = random_motion(rng, kStart - 300'000, 1.5);
+    for (Trajectory* part : {&motion.committed, &motion.next}) {  // into the window
+      for (int k = 0; !part->empty() && k <= part->num_pieces(); ++k) {
+        MotionState knot = part->knot(k);
+        knot.position += middle;
+        part->set_knot(k, knot);
+      }
+    }
+    const double radius = uniform(rng, 0.05, 0.4);
+    const std::int64_t from = kStart + uniform_int(rng, 0, 300'000), until = from + uniform_int(rng, 0, 800'000);
+    std::int64_t expected = std::numeric_limits<std::int64_t>::max();
+    for (std::int64_t t = from; t <= until && expected > until; t += 20'000) {
+      const Vector3d position = motion.at(t).position;
+      for_each_column(sogm.geometry, [&](int x, int y) {
+        for (int z = 0; z < sogm.geometry.size.z(); ++z) {
+          if (sogm.occupied(sogm.frame_at(t), {x, y, z}) &&
+              (sogm.geometry.center_of({x, y, z}) - position).norm() <= radius)
+            expected = t;
+        }
+      });
+    }
+    ASSERT_EQ(first_touch(sogm, motion, radius, from, until), expected) << "trial " << trial;
+    touched += expected <= until;
+  }
+  EXPECT_GT(touched, 30);
+  EXPECT_LT(touched, 170);
 }
 
 }  // namespace

@@ -38,7 +38,7 @@ struct NoArray {};
 template <class T>
 constexpr auto kArray = NoArray{};
 template <>
-constexpr auto kArray<announcement_t> = Array{&announcement_t::num_acks, &announcement_t::acks, 9, 63};
+constexpr auto kArray<announcement_t> = Array{&announcement_t::num_acks, &announcement_t::acks, 9, 62};
 template <>
 constexpr auto kArray<corridors_t> = Array{&corridors_t::num_faces, &corridors_t::faces, 18, 2048};
 template <>

@@ -9,6 +9,7 @@
 #include <boost/asio/posix/stream_descriptor.hpp>
 #include <boost/asio/steady_timer.hpp>
 #include <chrono>
+#include <cmath>
 #include <cstdlib>
 #include <iostream>
 #include <optional>
@@ -60,12 +61,8 @@ std::int64_t wall_utime() {
 class RealtimeHost::Seat : public Outbox {
  public:
   Seat(boost::asio::io_context& io, std::string name, Node& node, const std::string& onboard_url,
-       const std::string& swarm_url, TimeSource time_source)
-      : name_(std::move(name)),
-        node_(node),
-        time_source_(time_source),
-        timer_(io),
-        clock_offset_us_(clock_offset_us()) {
+       const std::string& swarm_url, HostClock clock)
+      : name_(std::move(name)), node_(node), clock_(clock), timer_(io), clock_offset_us_(clock_offset_us()) {
     open(io, BusId::kOnboard, onboard_url);
     open(io, BusId::kSwarm, swarm_url);
     std::array<std::string, 2> channels;
@@ -74,7 +71,7 @@ class RealtimeHost::Seat : public Outbox {
       const auto& bus = port(id).bus;
       if (!bus) throw std::invalid_argument(name_ + " listens to " + subscription.channel + " on a bus without URL");
       bus->subscribe(subscription.channel, [this, id](std::string_view channel, std::span<const std::uint8_t> bytes) {
-        if (time_source_ == TimeSource::kMessages) follow(bytes);
+        if (clock_.source == TimeSource::kMessages) follow(bytes);
         node_.on_message(now(), id, channel, bytes, *this);
       });
       channels[static_cast<std::size_t>(id)] += " " + subscription.channel;
@@ -137,7 +134,7 @@ class RealtimeHost::Seat : public Outbox {
     });
   }
 
-  std::int64_t now() const { return wall_utime() + replay_offset_us_; }
+  std::int64_t now() const { return wall_utime() + replay_offset_us_ + clock_.error_us; }
 
   // Replayed messages are old: their time is now. The header's utime has the same place in every message.
   void follow(std::span<const std::uint8_t> bytes) {
@@ -165,7 +162,7 @@ class RealtimeHost::Seat : public Outbox {
 
   std::string name_;
   Node& node_;
-  TimeSource time_source_;
+  HostClock clock_;
   std::int64_t replay_offset_us_ = 0;
   std::array<Port, 2> ports_;
   boost::asio::steady_timer timer_;
@@ -177,8 +174,8 @@ RealtimeHost::RealtimeHost() : signals_(io_, SIGINT, SIGTERM) {}
 RealtimeHost::~RealtimeHost() = default;
 
 void RealtimeHost::add(const std::string& name, Node& node, const std::string& onboard_url,
-                       const std::string& swarm_url, TimeSource time_source) {
-  seats_.push_back(std::make_unique<Seat>(io_, name, node, onboard_url, swarm_url, time_source));
+                       const std::string& swarm_url, HostClock clock) {
+  seats_.push_back(std::make_unique<Seat>(io_, name, node, onboard_url, swarm_url, clock));
 }
 
 void RealtimeHost::run() {
@@ -192,9 +189,9 @@ void RealtimeHost::run() {
 }
 
 int run_node(const std::string& name, Node& node, const std::string& onboard_url, const std::string& swarm_url,
-             TimeSource time_source) {
+             HostClock clock) {
   RealtimeHost host;
-  host.add(name, node, onboard_url, swarm_url, time_source);
+  host.add(name, node, onboard_url, swarm_url, clock);
   host.run();
   return EXIT_SUCCESS;
 }
@@ -211,12 +208,16 @@ int daemon_main(const std::string& program, const std::string& usage, int argc, 
     OptionSet options(program, usage);
     declare(options);
     bool replay = false;
+    double clock_offset_ms = 0.0;
     options.add("replay", &replay, "take the time from the messages instead of the clock: for replayed logs");
+    options.add("clock-offset-ms", &clock_offset_ms, -10'000, 10'000, "ms",
+                "added to this computer's clock, to try what wrong clocks do");
     options.add("onboard-url", &onboard_url, "bus inside the robot, one port per robot", check_url);
     if (!swarm_url.empty()) options.add("swarm-url", &swarm_url, "bus between the robots, another port", check_url);
     if (options.parse(argc, argv, std::cout) == OptionSet::Parsed::kExit) return EXIT_SUCCESS;
     const std::unique_ptr<Node> node = make_node();
-    return run_node(program, *node, onboard_url, swarm_url, replay ? TimeSource::kMessages : TimeSource::kClock);
+    const HostClock clock{replay ? TimeSource::kMessages : TimeSource::kClock, std::llround(1e3 * clock_offset_ms)};
+    return run_node(program, *node, onboard_url, swarm_url, clock);
   } catch (const std::exception& error) {
     std::cerr << program << ": " << error.what() << std::endl;
     return 2;

@@ -24,6 +24,11 @@ std::int64_t wall_utime();
 // kMessages: the newest message's time, carried on by the clock, so that a replayed log is not refused as old.
 enum class TimeSource { kClock, kMessages };
 
+struct HostClock {
+  TimeSource source = TimeSource::kClock;
+  std::int64_t error_us = 0;  // added, to try what wrong clocks do
+};
+
 // One thread, one event loop, any number of nodes, each with buses of its own.
 class RealtimeHost {
  public:
@@ -33,7 +38,7 @@ class RealtimeHost {
   // Puts a node on its buses; an empty URL stands for a bus that it has not. `name` is for the log. Throws what LcmBus
   // throws, and std::invalid_argument when the node subscribes to a bus that it has not. `node` must outlive the host.
   void add(const std::string& name, Node& node, const std::string& onboard_url, const std::string& swarm_url,
-           TimeSource time_source = TimeSource::kClock);
+           HostClock clock = {});
 
   // Until SIGTERM, SIGINT or stop(). What a node throws comes out here.
   void run();
@@ -51,7 +56,7 @@ class RealtimeHost {
 
 // Runs one node until SIGTERM or SIGINT; returns the exit code 0.
 int run_node(const std::string& name, Node& node, const std::string& onboard_url, const std::string& swarm_url,
-             TimeSource time_source = TimeSource::kClock);
+             HostClock clock = {});
 
 enum class DaemonBuses { kOnboard, kOnboardAndSwarm };
 

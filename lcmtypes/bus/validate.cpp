@@ -92,7 +92,7 @@ Refusal validate(const trajectory_t& m) {
 
 Refusal validate(const candidate_t& m) {
   if (const Refusal refusal = validate(m.trajectory); refusal != Refusal::kNone) return refusal;
-  return verdict(true, m.trajectory.seq > 0 && m.trajectory.start_utime >= m.header.utime);
+  return verdict(within(m.urgent, 0, 1), m.trajectory.seq > 0 && m.trajectory.start_utime >= m.header.utime);
 }
 
 Refusal validate(const announcement_t& m) {
@@ -100,7 +100,7 @@ Refusal validate(const announcement_t& m) {
     if (const Refusal refusal = validate(*trajectory); refusal != Refusal::kNone) return refusal;
   }
   bool values_ok = m.radius > 0.0f && m.radius <= 10.0f && utime_ok(m.pending_stamp) &&
-                   within(m.pending_state, announcement_t::kNone, announcement_t::kCommitted);
+                   within(m.pending_state, announcement_t::kNone, announcement_t::kForced);
   bool consistent = (m.pending.seq == 0) == (m.pending_state == announcement_t::kNone);
   for (const ack_t& ack : m.acks) {
     values_ok =
@@ -175,7 +175,7 @@ Refusal validate(const planner_status_t& m) {
 
 Refusal validate(const broadcast_status_t& m) {
   return verdict(within(m.state, broadcast_status_t::kFlying, broadcast_status_t::kClock) &&
-                 amounts_ok(std::array{m.candidates, m.commits, m.withdrawn, m.peers_heard, m.lost}) &&
+                 amounts_ok(std::array{m.candidates, m.commits, m.forced, m.withdrawn, m.peers_heard, m.lost}) &&
                  amounts_ok(m.rejected) && amounts_ok(m.refused) &&
                  amounts_ok(std::array{m.max_age_ms, m.max_clock_offset_ms}));
 }
