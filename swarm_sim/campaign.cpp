@@ -211,13 +211,14 @@ bool fly_campaign(const std::vector<Trial>& trials, const FlightArguments& argum
 
 std::string campaign_table(const std::vector<TrialRow>& rows) {
   struct Cell {
-    int trials = 0, successes = 0, collisions = 0, robot_touches = 0, conflicts = 0;
+    int trials = 0, successes = 0, collisions = 0, robot_touches = 0, conflicts = 0, forced = 0;
     double last_s = 0.0, mean_s = 0.0;
     void add(const TrialRow& row) {
       ++trials;
       const std::string& outcome = cell(row, "outcome");
       if (cell(row, "touches").find("-robot ") != std::string::npos) ++robot_touches;
       conflicts += std::stoi(cell(row, "commit_conflicts"));
+      forced += std::stoi(cell(row, "forced_commits"));
       if (outcome == "collision") ++collisions;
       if (outcome != "success") return;
       ++successes;
@@ -232,7 +233,7 @@ std::string campaign_table(const std::vector<TrialRow>& rows) {
     all.add(row);
   }
   std::vector<std::vector<std::string>> lines = {{"", "trials", "success %", "collision %", "stuck %", "robot touches",
-                                                  "commit conflicts", "last arrival s", "mean flight s"}};
+                                                  "commit conflicts", "forced", "last arrival s", "mean flight s"}};
   const auto line = [&](const std::string& name, const Cell& c) {
     std::string last = "-", mean = "-";
     if (c.successes > 0) {
@@ -242,7 +243,7 @@ std::string campaign_table(const std::vector<TrialRow>& rows) {
     }
     lines.push_back({name, std::to_string(c.trials), percent(c.successes, c.trials), percent(c.collisions, c.trials),
                      percent(c.trials - c.successes - c.collisions, c.trials), std::to_string(c.robot_touches),
-                     std::to_string(c.conflicts), last, mean});
+                     std::to_string(c.conflicts), std::to_string(c.forced), last, mean});
   };
   for (const auto& [name, c] : cells) line(name, c);
   line("all", all);

@@ -108,8 +108,9 @@ RunReport make_report(const std::string& world, const std::string& mode, const J
 }
 
 void RunReport::count_commits(const CommitAudit& audit) {
-  commit_conflicts = static_cast<std::int64_t>(audit.conflicts().size());
   forced_commits = audit.forced();
+  forced_conflicts = std::ranges::count(audit.conflicts(), true, &CommitConflict::forced);
+  commit_conflicts = static_cast<std::int64_t>(audit.conflicts().size()) - forced_conflicts;
 }
 
 ordered_json to_json(const RunReport& report) {
@@ -128,6 +129,7 @@ ordered_json to_json(const RunReport& report) {
           {"touches", list(report.touches)},
           {"commit_conflicts", report.commit_conflicts},
           {"forced_commits", report.forced_commits},
+          {"forced_conflicts", report.forced_conflicts},
           {"robots", list(report.robots)},
           {"planning_ms", planning},
           {"mapping_ms", report.mapping.count > 0 ? to_json(report.mapping) : ordered_json(nullptr)},
@@ -144,7 +146,11 @@ std::string summary_table(const RunReport& report) {
   if (report.commit_conflicts > 0)
     text.append("  committed trajectories that meet: ").append(std::to_string(report.commit_conflicts)).append("\n");
   if (report.forced_commits > 0)
-    text.append("  trajectories forced before an impact: ").append(std::to_string(report.forced_commits)).append("\n");
+    text.append("  trajectories forced before an impact: ")
+        .append(std::to_string(report.forced_commits))
+        .append(", of which meet others: ")
+        .append(std::to_string(report.forced_conflicts))
+        .append("\n");
   for (const Touch& touch : report.touches) {
     const std::string other = touch.other < 0 ? "" : std::to_string(touch.other);
     text.append("  robot ")

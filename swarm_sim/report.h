@@ -53,8 +53,9 @@ struct RunReport {
   double duration_s = 0.0;  // simulated
   double wall_s = 0.0;      // spent on it
   std::vector<Touch> touches;
-  std::int64_t commit_conflicts = 0;  // committed motions that meet; see commit_audit.h
+  std::int64_t commit_conflicts = 0;  // committed motions that meet though nobody was forced; see commit_audit.h
   std::int64_t forced_commits = 0;    // without everybody's word, before an impact; see commit_protocol.h
+  std::int64_t forced_conflicts = 0;  // of these, with others
   std::vector<RobotReport> robots;
   std::array<TimingStats, kPlanningSteps.size()> planning;  // over all robots
   TimingStats mapping;                                      // building and encoding a SOGM; nothing in processes

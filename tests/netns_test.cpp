@@ -1,13 +1,17 @@
 // Robots on computers of their own: each in a network namespace, on one bridge, over real interfaces that lose a fifth
-// of all packets. Skipped where namespaces cannot be made.
+// of all packets, and one of which is cut off for a while. Skipped where namespaces cannot be made.
+#include <lcm/lcm-cpp.hpp>
 #include <nlohmann/json.hpp>
 
+#include "lcmtypes/bus/channels.h"
 #include "swarm_sim/world_generator.h"
 #include "swarm_sim/world_json.h"
 #include "tests/harness.h"
 
 namespace swarm::test {
 namespace {
+
+using namespace std::chrono_literals;
 
 // Namespaces PREFIX0, PREFIX1, ... and a hub with the bridge; gone with this object.
 class Network {
@@ -47,6 +51,10 @@ class Network {
     const std::size_t packets = listing.out.find("packets ");
     return packets == std::string::npos ? -1 : std::stoi(listing.out.substr(packets + 8));
   }
+  // Puts a robot's cable in or pulls it out.
+  void plug(int robot, bool in) {
+    EXPECT_TRUE(run("ip -n " + prefix_ + "hub link set p" + std::to_string(robot) + (in ? " up" : " down"))) << why_;
+  }
   const std::string& why() const { return why_; }
 
  private:
@@ -58,6 +66,19 @@ class Network {
   std::string prefix_, why_;
   int robots_;
 };
+
+// Between two announcements of peers in an onboard log.
+double longest_silence_s(const std::string& path) {
+  lcm::LogFile log(path, "r");
+  EXPECT_TRUE(log.good()) << path;
+  std::int64_t before = 0, longest_us = 0;
+  while (const lcm::LogEvent* event = log.readNextEvent()) {
+    if (event->channel != channel::kPeerTrajectory) continue;
+    if (before != 0) longest_us = std::max(longest_us, event->timestamp - before);
+    before = event->timestamp;
+  }
+  return 1e-6 * static_cast<double>(longest_us);
+}
 
 TEST(Netns, RobotsOnComputersOfTheirOwnFlyOverLossyInterfaces) {
   if (::geteuid() != 0) GTEST_SKIP() << "needs root";
@@ -87,8 +108,16 @@ TEST(Netns, RobotsOnComputersOfTheirOwnFlyOverLossyInterfaces) {
     write_text(directory / "slow.cfg", "lead = 0.4\nperiod = 0.3\nstale-map = 2\n");
     words.insert(words.end(), {"--planner-config", directory / "slow.cfg", "--sensor-rate", "3"});
   }
+  std::thread outage([&network] {
+    std::this_thread::sleep_for(3s);
+    network.plug(2, false);
+    std::this_thread::sleep_for(3s);
+    network.plug(2, true);
+  });
   const Finished finished = run_program(words, 120.0);
+  outage.join();
   ASSERT_NE(finished.exit_code, 2) << finished.err;
+  EXPECT_GT(longest_silence_s(directory / "run/robot2.lcm"), 2.8);
   for (int robot = 0; robot < kRobots; ++robot) EXPECT_GT(network.dropped(robot), 20);
   const auto report = nlohmann::json::parse(read_text(directory / "run/report.json"));
   EXPECT_TRUE(report["touches"].empty()) << finished.out;
