@@ -16,7 +16,7 @@ using sogm_swarm::announcement_t;
 constexpr std::int64_t kMaxAge_us = 1'000'000;  // of messages from peers and planner
 constexpr std::int64_t kMaxBranchAhead_us = 2'000'000;
 constexpr std::int64_t kStatusPeriod_us = 1'000'000;
-constexpr std::int64_t kClockDoubt_us = 1'000'000;
+constexpr std::int64_t kClockDoubt_us = 1'000'000, kMaxMotion_us = 10'000'000;
 constexpr std::int64_t kLively_us = 300'000;  // after news
 constexpr double kResume_m = 0.5;             // a kept motion is gone on with where the robot is so close to it
 
@@ -111,7 +111,7 @@ Refusal BroadcastNode::on_state(std::int64_t now_us, std::span<const std::uint8_
   if ((first.at(now_us).position - position).norm() > kResume_m) {  // it has been carried, or has lost its way
     first = {Trajectory::hover(first.seq() + 1, now_us, position), {}};
   }
-  protocol_.start(first);
+  protocol_.start(first, kept_.forced_seq);
   store_fails_ = !keep(now_us, protocol_.state());
   yaw_ = state.yaw;
   return Refusal::kNone;
@@ -142,7 +142,6 @@ Refusal BroadcastNode::on_candidate(std::int64_t now_us, std::span<const std::ui
 
 Rejection BroadcastNode::examine(std::int64_t now_us, const Trajectory& candidate) const {
   if (!motion()) return Rejection::kNoCommitted;
-  if (!clocks_agree(now_us)) return Rejection::kClock;
   const std::int64_t start = candidate.start_utime();
   if (candidate.empty() || start <= now_us || start > now_us + kMaxBranchAhead_us) return Rejection::kTime;
   const MotionState branch = motion()->at(start), first = candidate.knot(0);
@@ -170,21 +169,19 @@ Refusal BroadcastNode::on_peer(std::int64_t now_us, std::span<const std::uint8_t
   Link& link = entry->second;
   if (const Refusal refusal = check_time(message.header.utime, now_us, kMaxAge_us, to_us(config_.clock_error_s));
       refusal != Refusal::kNone) {
-    if (message.header.utime > now_us) clock_doubt_us_ = now_us;
+    if (message.header.utime > now_us) doubt_clock_of(id, now_us);
     return refusal;
   }
   if (const Refusal refusal = link.gate.pass(message.header); refusal != Refusal::kNone) return refusal;
   if (!protocol_.receive(now_us, message)) return Refusal::kRobot;
   if (link.boot == message.header.boot) {
     link.lost += static_cast<std::int32_t>(std::min<std::int64_t>(message.header.seq - link.seq - 1, 1'000'000));
-  } else {
-    link.clock = ClockOffset();
   }
   link.heard_us = now_us;
   link.clock.heard(now_us, message.header.utime);
   if (told_about(message.header) == config_.robot_id && message.least_delay_us != announcement_t::kUnknown)
     link.clock.told(message.least_delay_us);
-  if (link.clock.beyond(to_us(config_.clock_error_s))) clock_doubt_us_ = now_us;
+  if (link.clock.beyond(to_us(config_.clock_error_s))) doubt_clock_of(id, now_us);
   link.boot = message.header.boot;
   link.seq = message.header.seq;
   outbox.publish_bytes(BusId::kOnboard, channel::kPeerTrajectory, bytes);
@@ -195,11 +192,15 @@ int BroadcastNode::told_about(const sogm_swarm::header_t& header) const {
   return places_[static_cast<std::size_t>(header.seq) % places_.size()];
 }
 
-bool BroadcastNode::clocks_agree(std::int64_t now_us) const {
-  return clock_doubt_us_ == 0 || now_us - clock_doubt_us_ > kClockDoubt_us;
+// For a while, and at least as long as the peer moves.
+void BroadcastNode::doubt_clock_of(int id, std::int64_t now_us) {
+  const CommitProtocol::Peer& peer = protocol_.peers().at(id);
+  const std::int64_t rests_us = peer.heard ? std::min(peer.motion.end_utime(), now_us + kMaxMotion_us) : 0;
+  clock_doubt_until_us_ = std::max({clock_doubt_until_us_, now_us + kClockDoubt_us, rests_us});
 }
 
 void BroadcastNode::advance(std::int64_t now_us) {
+  protocol_.doubt_clocks(!clocks_agree(now_us));
   protocol_.advance(now_us);
   if (protocol_.may_commit(now_us))
     protocol_.commit([&](const announcement_t& promise) { return !(store_fails_ = !keep(now_us, promise)); });
@@ -223,7 +224,7 @@ std::int64_t BroadcastNode::step(std::int64_t now_us, Outbox& outbox) {
       publish_setpoint(now_us, outbox);
       next_setpoint_us_ = (now_us / setpoint_period + 1) * setpoint_period;
     }
-    wake = std::min({next_setpoint_us_, protocol_.due_utime(), due()});
+    wake = std::min({next_setpoint_us_, protocol_.due_utime(now_us), due()});
   }
   if (now_us >= next_status_us_) {
     publish_status(now_us, outbox);

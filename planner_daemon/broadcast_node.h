@@ -31,7 +31,7 @@ struct BroadcastConfig {
   double swarm_rate_hz = 1000;  // announcements of all robots together, at most
   double setpoint_rate_hz = 100;
   double yaw_rate_max = 1.5;    // [rad/s]
-  double clock_error_s = 0.01;  // clocks of two robots differ by at most this, or nothing is committed
+  double clock_error_s = 0.01;  // clocks of two robots differ by at most this
   double clock_limit_s = 0.1;   // the robot's own messages from further in the future are refused
   std::string state_dir;        // where promises survive a crash; empty: nowhere
 };
@@ -73,7 +73,8 @@ class BroadcastNode : public Node {
   Rejection examine(std::int64_t now_us, const Trajectory& candidate) const;
   void advance(std::int64_t now_us);
   bool keep(std::int64_t now_us, sogm_swarm::announcement_t promise);
-  bool clocks_agree(std::int64_t now_us) const;
+  bool clocks_agree(std::int64_t now_us) const { return now_us > clock_doubt_until_us_; }
+  void doubt_clock_of(int id, std::int64_t now_us);
   // The robot whose messages' delay an announcement tells.
   int told_about(const sogm_swarm::header_t& header) const;
 
@@ -94,8 +95,8 @@ class BroadcastNode : public Node {
   double yaw_ = 0.0;
   bool store_fails_ = false;
 
-  std::int64_t gap_us_ = 0;          // between announcements, at least
-  std::int64_t clock_doubt_us_ = 0;  // when a peer's message last came from the future, or its clock was found wrong
+  std::int64_t gap_us_ = 0;                // between announcements, at least
+  std::int64_t clock_doubt_until_us_ = 0;  // a peer's message came from the future, or its clock was found wrong
   bool has_news_ = false;
   std::int64_t news_us_ = 0;
   std::int64_t announced_us_ = 0, next_setpoint_us_ = 0, next_status_us_ = 0;

@@ -21,7 +21,9 @@ class CommitDelay {
     at_least_s_ = 0.0;
   }
   bool is_unanswered() const { return at_least_s_ > 0.0; }  // the newest plan was missed
-  void missed(double lead_s) { at_least_s_ = kWiden * lead_s; }
+  void missed(double lead_s) {
+    if (lead_s >= 0.0 && lead_s < 2 * kLongest_s) at_least_s_ = std::max(at_least_s_, kWiden * lead_s);
+  }
   // Until a plan was committed: a peer's message takes so long.
   void heard(double one_way_s) { one_way_s_ += (one_way_s - one_way_s_) / 8; }
 

@@ -15,6 +15,7 @@ using sogm_swarm::announcement_t;
 namespace {
 
 constexpr std::int64_t kLastMoment_us = 10'000;  // so long before it begins, what is urgent waits no longer
+constexpr double kRounding_m = 1e-3;             // of positions on the wire and of motions that touch a distance
 
 }  // namespace
 
@@ -41,8 +42,9 @@ CommitProtocol::CommitProtocol(const Rules& rules) : rules_(rules) {
   peers_.erase(rules.robot_id);
 }
 
-void CommitProtocol::start(const Motion& motion) {
+void CommitProtocol::start(const Motion& motion, std::int32_t forced_seq) {
   motion_ = motion;
+  forced_seq_ = forced_seq;
   next_seq_ = motion.seq() + 1;
   news_ = true;
 }
@@ -57,13 +59,22 @@ bool CommitProtocol::free_of(const Trajectory& mine, const Motion& other, double
   return motions_separated({mine, {}}, other, mine.start_utime(), distance, rules_.clock_error_s);
 }
 
+bool CommitProtocol::keeps_off(const Trajectory& mine, const Motion& bound, double other_radius_m) const {
+  if (free_of(mine, bound, other_radius_m)) return true;
+  const std::int64_t start = mine.start_utime();
+  const double now_m = (mine.knot(0).position - bound.at(start).position).norm();
+  return now_m < rules_.radius_m + other_radius_m + rules_.separation_m &&
+         motions_separated({mine, {}}, bound, start, now_m - kRounding_m);
+}
+
 Rejection CommitProtocol::propose(std::int64_t now_us, const Trajectory& candidate, bool urgent) {
   if (!motion_) return Rejection::kNoCommitted;
   if (!urgent && !all_hear()) return Rejection::kWaiting;
+  if (!urgent && doubts_clocks_) return Rejection::kClock;
   if (!motion_->next.empty()) return Rejection::kBusy;
   for (const auto& [id, peer] : peers_) {
     if (!peer.heard) continue;
-    if (!free_of(candidate, peer.motion, peer.radius_m)) return Rejection::kConflict;
+    if (!keeps_off(candidate, peer.motion, peer.radius_m)) return Rejection::kConflict;
     if (peer.promised() && !free_of(candidate, {peer.motion.committed, peer.announced}, peer.radius_m))
       return Rejection::kConflict;
   }
@@ -103,7 +114,7 @@ void CommitProtocol::judge(std::int64_t now_us, int peer_id, Peer* peer) {
   peer->verdict = ack_t::kAck;
   news_ = true;
   const bool late = peer->announced.start_utime() <= now_us;
-  if (late || !free_of(peer->announced, *motion_, peer->radius_m)) {
+  if (late || !keeps_off(peer->announced, *motion_, peer->radius_m)) {
     peer->verdict = ack_t::kNack;
   } else if (!announced_.empty() && !free_of(peer->announced, {motion_->committed, announced_}, peer->radius_m)) {
     if (std::pair(stamp_, rules_.robot_id) < std::pair(peer->stamp, peer_id)) {
@@ -129,10 +140,10 @@ void CommitProtocol::advance(std::int64_t now_us) {
 }
 
 bool CommitProtocol::everybody_agrees() const {
-  return all_hear() && std::all_of(peers_.begin(), peers_.end(), [this](const auto& entry) {
-           const auto& [id, peer] = entry;
-           return rules_.robot_id < id || (peer.our_seq == announced_.seq() && peer.our_verdict == ack_t::kAck);
-         });
+  return !doubts_clocks_ && all_hear() && std::all_of(peers_.begin(), peers_.end(), [this](const auto& entry) {
+    const auto& [id, peer] = entry;
+    return rules_.robot_id < id || (peer.our_seq == announced_.seq() && peer.our_verdict == ack_t::kAck);
+  });
 }
 
 bool CommitProtocol::may_commit(std::int64_t now_us) const {
@@ -142,22 +153,24 @@ bool CommitProtocol::may_commit(std::int64_t now_us) const {
   return std::all_of(peers_.begin(), peers_.end(), [this, agreed](const auto& entry) {
     const auto& [id, peer] = entry;
     const bool judged_there = agreed && id < rules_.robot_id;  // our P against its C
-    if (peer.heard && !judged_there && !free_of(announced_, peer.motion, peer.radius_m)) return false;
+    if (peer.heard && !judged_there && !keeps_off(announced_, peer.motion, peer.radius_m)) return false;
     const bool counts = agreed ? peer.promised() : !peer.announced.empty();
     return !counts || free_of(announced_, {peer.motion.committed, peer.announced}, peer.radius_m);
   });
 }
 
 void CommitProtocol::commit(const std::function<bool(const announcement_t&)>& keep) {
+  const std::int32_t forced_before = forced_seq_;
   motion_->next = announced_;
-  next_is_forced_ = !everybody_agrees();
+  if (!everybody_agrees()) forced_seq_ = announced_.seq();
   if (!keep(state())) {
     motion_->next = Trajectory();
+    forced_seq_ = forced_before;
     return withdraw();
   }
   announced_ = Trajectory();
   ++commits_;
-  forced_ += next_is_forced_;
+  forced_ += forced_seq_ != forced_before;
   news_ = true;
 }
 
@@ -174,13 +187,14 @@ announcement_t CommitProtocol::state() const {
   message.pending_state = announcement_t::kNone;
   if (!motion_->next.empty()) {
     message.pending = motion_->next.to_wire();
-    message.pending_state = next_is_forced_ ? announcement_t::kForced : announcement_t::kCommitted;
+    message.pending_state = announcement_t::kCommitted;
   } else if (!announced_.empty()) {
     message.pending = announced_.to_wire();
     message.pending_state = announcement_t::kAnnounced;
   }
   message.pending_stamp = message.pending_state == announcement_t::kNone ? 0 : stamp_;
   message.roster_crc = roster_crc_;
+  message.forced_seq = forced_seq_;
   message.least_delay_us = announcement_t::kUnknown;
   for (const auto& [id, peer] : peers_) {
     if (message.acks.size() == place_) message.acks.push_back({-1, 0, ack_t::kNone});
@@ -195,9 +209,12 @@ bool CommitProtocol::take_news() {
   return std::exchange(news_, false);
 }
 
-std::int64_t CommitProtocol::due_utime() const {
+std::int64_t CommitProtocol::due_utime(std::int64_t now_us) const {
   std::int64_t due = std::numeric_limits<std::int64_t>::max();
-  if (!announced_.empty()) due = announced_.start_utime() - (urgent_ ? kLastMoment_us : 0);
+  if (!announced_.empty()) {
+    due = announced_.start_utime();
+    if (urgent_ && now_us < due - kLastMoment_us) due -= kLastMoment_us;
+  }
   if (motion_ && !motion_->next.empty()) due = std::min(due, motion_->next.start_utime());
   return due;
 }

@@ -18,7 +18,9 @@
 //     on anything this robot said before the crash.
 //  6. Last resort: a P that is urgent, because the robot will be hit on C, is committed a moment before t_b without
 //     everybody's word, when it is free of every C and P that is known. Such a P is `forced`; it may meet what a holder
-//     that has not answered commits meanwhile, or a robot of which nothing is known since the start.
+//     that has not answered commits meanwhile, what a peer commits that has not echoed this start (it may rely on an
+//     answer from before), or a robot that was never heard. Two robots that are closer than they may be since then may
+//     commit what does not bring them nearer.
 // Every announcement is the whole state (C, P, verdicts), repeated for ever, and only newer ones (boot, seq) are read:
 // so losses heal, and duplicates and reordering change nothing.
 //
@@ -51,7 +53,7 @@ enum class Rejection : std::uint8_t {
   kDiscontinuous,  // does not start on the committed motion
   kLimits,         // exceeds speed or acceleration
   kConflict,       // comes too close to a peer's motion
-  kClock,          // a peer's messages come from the future: the clocks disagree
+  kClock,          // a peer's clock differs too much
 };
 inline constexpr int kNumRejections = 9;
 const char* to_string(Rejection rejection);
@@ -85,15 +87,17 @@ class CommitProtocol {
 
   explicit CommitProtocol(const Rules& rules);
 
-  // The first promise: to hover somewhere, or what was kept over a restart.
-  void start(const Motion& motion);
+  // The first promise: to hover somewhere, or what was kept over a restart, with the newest trajectory that was forced.
+  void start(const Motion& motion, std::int32_t forced_seq = 0);
+  // While a peer's clock is known to be wrong, nothing is committed but what is urgent.
+  void doubt_clocks(bool doubt) { doubts_clocks_ = doubt; }
   const std::optional<Motion>& motion() const { return motion_; }
   const Trajectory& announced() const { return announced_; }  // waits for acknowledgements; may be empty
   const std::map<int, Peer>& peers() const { return peers_; }
   bool all_hear() const;  // and were heard
 
-  // Announces a candidate that leaves the committed motion in the future. kNone, kNoCommitted, kWaiting (not when it is
-  // urgent), kBusy or kConflict. One that still waits is withdrawn.
+  // Announces a candidate that leaves the committed motion in the future. kNone, kNoCommitted, kWaiting or kClock (not
+  // when it is urgent), kBusy or kConflict. One that still waits is withdrawn.
   Rejection propose(std::int64_t now_us, const Trajectory& candidate, bool urgent = false);
   // A peer's announcement, newer than all before. False when it is not of this roster: nothing has changed then.
   [[nodiscard]] bool receive(std::int64_t now_us, const sogm_swarm::announcement_t& message);
@@ -112,13 +116,15 @@ class CommitProtocol {
   int forced() const { return forced_; }  // of them
   int withdrawn() const { return withdrawn_; }
   // When advance() has something to do; INT64_MAX: never.
-  std::int64_t due_utime() const;
+  std::int64_t due_utime(std::int64_t now_us) const;
 
  private:
   void judge(std::int64_t now_us, int peer_id, Peer* peer);
   void withdraw();
   bool everybody_agrees() const;
   bool free_of(const Trajectory& mine, const Motion& other, double other_radius_m) const;
+  // Of a motion that another is bound to: or does not come nearer to it, where they are too close already.
+  bool keeps_off(const Trajectory& mine, const Motion& bound, double other_radius_m) const;
 
   Rules rules_;
   std::int32_t roster_crc_ = 0;
@@ -126,8 +132,9 @@ class CommitProtocol {
   std::optional<Motion> motion_;
   Trajectory announced_;
   std::int64_t stamp_ = 0;
-  bool urgent_ = false;          // what is announced
-  bool next_is_forced_ = false;  // of the committed motion
+  bool urgent_ = false;  // what is announced
+  std::int32_t forced_seq_ = 0;
+  bool doubts_clocks_ = false;
   std::int32_t next_seq_ = 1;
   std::map<int, Peer> peers_;  // all of the roster but this one
   bool news_ = false;

@@ -16,8 +16,13 @@ using sogm_swarm::planner_status_t;
 constexpr std::int64_t kMaxAge_us = 1'000'000;
 constexpr std::int64_t kStatusPeriod_us = 1'000'000;
 constexpr std::size_t kMaxPeers = 64;
-constexpr std::int64_t kSilent_us = 500'000;    // a peer that was not heard for so long may have to step aside unseen
-constexpr std::int64_t kUrgent_us = 1'000'000;  // so long after a plan begins, the robot is out of an obstacle's way
+constexpr std::int64_t kSilent_us = 500'000;  // a peer that was not heard for so long may have to step aside unseen
+constexpr std::int64_t kUrgent_us =
+    1'000'000;  // a plan that begins so long before an obstacle comes gets out of its way
+constexpr std::int64_t kGetAway_us = 600'000;    // and one that begins so long before it, still
+constexpr std::int64_t kLastMoment_us = 10'000;  // so long before it begins, the broadcaster commits what is urgent
+constexpr double kApart_m = 0.5, kArrived_m = 0.1;
+constexpr std::int64_t kNever = std::numeric_limits<std::int64_t>::max();
 
 std::int64_t to_us(double seconds) {
   return std::llround(seconds * 1e6);
@@ -136,7 +141,7 @@ Refusal PlannerNode::on_own(std::span<const std::uint8_t> bytes) {
   const std::int32_t bound_to = own_ ? own_->next.seq() : 0;
   const Trajectory waited = pending_;
   read_announcement(message, &own_.emplace(), &pending_);
-  if (message.pending_state == announcement_t::kForced && own_->next.seq() != bound_to) {
+  if (!own_->next.empty() && own_->next.seq() != bound_to && own_->next.seq() == message.forced_seq) {
     commit_delay_.missed(1e-6 * static_cast<double>(own_->next.start_utime() - message.pending_stamp));
   } else if (!own_->next.empty() && own_->next.seq() != bound_to) {
     commit_delay_.committed(1e-6 * static_cast<double>(message.header.utime - message.pending_stamp));
@@ -187,8 +192,10 @@ std::int64_t PlannerNode::step(std::int64_t now_us, Outbox& outbox) {
     for (const Trajectory* coming : {&own_->next, &pending_}) {
       if (!coming->empty()) due = std::max(due, coming->start_utime());
     }
-    // But for one that peers do not answer while an obstacle comes.
-    if (now_us < due && own_->next.empty() && !is_urgent_ && hits_soon(now_us, pending_.start_utime())) due = now_us;
+    // But not for a patient one while an obstacle comes.
+    const bool is_patient = own_->next.empty() && !pending_.empty() && pending_.start_utime() != urgent_start_us_;
+    if (now_us < due && is_patient && touch_utime(now_us, pending_.start_utime() + kUrgent_us) != kNever)
+      due = last_plan_us_ + to_us(config_.period_s);
     if (now_us < due) {
       wake = std::min(wake, due);
     } else {
@@ -211,9 +218,36 @@ std::int64_t PlannerNode::step(std::int64_t now_us, Outbox& outbox) {
   return std::max(wake, now_us + 1);
 }
 
-bool PlannerNode::hits_soon(std::int64_t now_us, std::int64_t utime) const {
-  constexpr std::int64_t kNever = std::numeric_limits<std::int64_t>::max();
-  return first_touch(map_, *own_, config_.planner.zones.blocked_m(), now_us, utime + kUrgent_us) != kNever;
+std::int64_t PlannerNode::touch_utime(std::int64_t now_us, std::int64_t until_utime) const {
+  return first_touch(map_, *own_, config_.planner.zones.blocked_m(), now_us, until_utime);
+}
+
+// Late enough for the peers' answers; but an obstacle's way is left before it comes, and the earlier the more time
+// there is for answers until then.
+std::int64_t PlannerNode::start_utime(std::int64_t now_us) {
+  const std::int64_t planned_us = now_us + to_us(config_.lead_s);
+  const std::int64_t patient_us = planned_us + to_us(commit_delay_.lead_s());
+  const std::int64_t touch_us = touch_utime(now_us, patient_us + kUrgent_us);
+  urgent_start_us_ = 0;
+  if (touch_us == kNever) return patient_us;
+  const std::int64_t answered_us = planned_us + to_us(commit_delay_.usual_s()) + kLastMoment_us;
+  const std::int64_t early_us = std::max(answered_us, touch_us - kUrgent_us), late_us = touch_us - kGetAway_us;
+  urgent_start_us_ = std::max(planned_us + 2 * kLastMoment_us, std::min(early_us, late_us));
+  return urgent_start_us_;
+}
+
+// From there every plan would be in the peer's way, and be refused for ever.
+std::optional<Eigen::Vector3d> PlannerNode::place_apart(std::int64_t utime) const {
+  const Eigen::Vector3d place = own_->at(utime).position;
+  if (own_->end_utime() > utime || (place - request_.goal).norm() < kArrived_m) return {};
+  const double usual_m = config_.planner.zones.blocked_m() + 0.5 * map_.geometry.resolution_m;
+  for (const Peer& peer : peer_list_) {
+    if (peer.motion.end_utime() > utime) continue;
+    const Eigen::Vector3d away = place - peer.motion.at(utime).position;
+    const double distance_m = away.norm();
+    if (distance_m < usual_m + peer.radius_m && distance_m > 0.0) return place + kApart_m / distance_m * away;
+  }
+  return {};
 }
 
 void PlannerNode::plan(std::int64_t now_us, Outbox& outbox) {
@@ -222,14 +256,14 @@ void PlannerNode::plan(std::int64_t now_us, Outbox& outbox) {
 
   request_.sogm = &map_;
   request_.own = *own_;
-  request_.start_utime = now_us + to_us(config_.lead_s + commit_delay_.lead_s());
-  is_urgent_ = hits_soon(now_us, request_.start_utime);
-  if (is_urgent_) request_.start_utime = now_us + to_us(config_.lead_s + commit_delay_.usual_s());
+  request_.start_utime = start_utime(now_us);
+  const bool is_urgent = urgent_start_us_ != 0;
   // Without a goal the robot holds its place, but steps aside like any other.
   if (!hold_) hold_ = own_->at(own_->end_utime()).position;
   request_.goal = goal_.value_or(*hold_);
+  if (const auto apart = place_apart(request_.start_utime)) request_.goal = *apart;
   // A plan that must do without answers may meet others': it only steps aside.
-  if (is_urgent_ && commit_delay_.is_unanswered()) request_.goal = own_->at(own_->end_utime()).position;
+  if (is_urgent && commit_delay_.is_unanswered()) request_.goal = own_->at(own_->end_utime()).position;
   for (auto& [id, entry] : peers_) peer_list_[entry.place].silent = now_us - entry.heard_us > kSilent_us;
   request_.peers = &peer_list_;
   newest_ = &planner_.plan(request_);
@@ -242,7 +276,7 @@ void PlannerNode::plan(std::int64_t now_us, Outbox& outbox) {
     Trajectory trajectory = newest_->trajectory;
     trajectory.set_seq(++candidate_seq_);
     candidate.trajectory = trajectory.to_wire();
-    candidate.urgent = is_urgent_ ? 1 : 0;
+    candidate.urgent = is_urgent ? 1 : 0;
     outbox.publish(BusId::kOnboard, channel::kCandidate, candidate);
     publish_corridors(now_us, outbox);
   }

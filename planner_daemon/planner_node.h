@@ -51,8 +51,11 @@ class PlannerNode : public Node {
   Refusal on_own(std::span<const std::uint8_t> bytes);
   Refusal on_peer(std::int64_t now_us, std::span<const std::uint8_t> bytes);
   Refusal on_goal(std::span<const std::uint8_t> bytes);
-  // The present motion hits an obstacle so soon that a plan that begins at `utime` must be flown.
-  bool hits_soon(std::int64_t now_us, std::int64_t utime) const;
+  // When an obstacle comes within the clearance of what the robot is bound to; INT64_MAX: not until then.
+  std::int64_t touch_utime(std::int64_t now_us, std::int64_t until_utime) const;
+  std::int64_t start_utime(std::int64_t now_us);  // of the next plan
+  // A place farther from a peer beside which the robot rests, closer than plans may pass; none: there is no such peer.
+  std::optional<Eigen::Vector3d> place_apart(std::int64_t utime) const;
   void plan(std::int64_t now_us, Outbox& outbox);
   void publish_corridors(std::int64_t now_us, Outbox& outbox);
   void publish_status(std::int64_t now_us, std::int16_t state, Outbox& outbox);
@@ -67,9 +70,9 @@ class PlannerNode : public Node {
   Sogm map_;                 // the newest complete one
   bool map_is_new_ = false;  // not planned with yet
   std::optional<Motion> own_;
-  Trajectory pending_;              // of our plans: waits for acknowledgements; may be empty
-  std::int64_t pending_stamp_ = 0;  // when it was announced
-  bool is_urgent_ = false;          // the newest plan
+  Trajectory pending_;                // of our plans: waits for acknowledgements; may be empty
+  std::int64_t pending_stamp_ = 0;    // when it was announced
+  std::int64_t urgent_start_us_ = 0;  // of the newest plan; 0: it is not urgent
   CommitDelay commit_delay_;
   std::optional<Eigen::Vector3d> goal_;
   std::optional<Eigen::Vector3d> hold_;  // where it rested when planning began: the goal until there is one

@@ -49,6 +49,7 @@ class FilePromiseStore : public PromiseStore {
 struct KeptPromise {
   std::int32_t boot = 0;
   std::optional<Motion> motion;
+  std::int32_t forced_seq = 0;  // newest trajectory that was forced
 };
 KeptPromise load_promise(PromiseStore& store, int robot_id, std::int32_t first_boot);
 

@@ -141,8 +141,7 @@ std::int64_t Motion::next_knot_after(std::int64_t utime) const {
 void read_announcement(const sogm_swarm::announcement_t& message, Motion* motion, Trajectory* announced) {
   using sogm_swarm::announcement_t;
   const Trajectory pending = Trajectory::from_wire(message.pending);
-  const bool binding =
-      message.pending_state == announcement_t::kCommitted || message.pending_state == announcement_t::kForced;
+  const bool binding = message.pending_state == announcement_t::kCommitted;
   *motion = {Trajectory::from_wire(message.committed), binding ? pending : Trajectory()};
   *announced = message.pending_state == announcement_t::kAnnounced ? pending : Trajectory();
 }

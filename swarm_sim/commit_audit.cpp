@@ -1,18 +1,25 @@
 #include "swarm_sim/commit_audit.h"
 
 #include <algorithm>
+#include <array>
 #include <cstdio>
 #include <iostream>
-#include <lcm/lcm-cpp.hpp>
 #include <stdexcept>
 #include <string>
 #include <tuple>
 
 #include "lcmtypes/bus/channels.h"
+#include "lcmtypes/bus/lcm_log.h"
+#include "lcmtypes/bus/option_set.h"
 #include "planner_daemon/deconfliction.h"
-#include "swarm_sim/flight_arguments.h"
+#include "swarm_sim/simulation.h"
 
 namespace swarm {
+namespace {
+
+constexpr std::int64_t kLately_us = 5'000'000;  // so long a forced motion excuses that it meets others
+
+}  // namespace
 
 bool CommitAudit::Announcement::differs(const Announcement& other) const {
   return std::tuple(header.boot, radius_m, motion.seq()) !=
@@ -25,12 +32,18 @@ void CommitAudit::Announcement::set_back(std::int64_t clock_offset_us) {
   motion.next.shift(-clock_offset_us);
 }
 
+bool CommitAudit::Announcement::is_forced(std::int64_t utime) const {
+  return std::ranges::any_of(std::array{&motion.committed, &motion.next}, [&](const Trajectory* trajectory) {
+    return !trajectory->empty() && trajectory->seq() == forced_seq && utime < trajectory->start_utime() + kLately_us;
+  });
+}
+
 bool CommitAudit::read(std::span<const std::uint8_t> bytes, Announcement* announcement) {
   sogm_swarm::announcement_t message;
   if (decode(bytes, &message) != Refusal::kNone) return false;
   announcement->header = message.header;
   announcement->radius_m = message.radius;
-  announcement->forced = message.pending_state == sogm_swarm::announcement_t::kForced;
+  announcement->forced_seq = message.forced_seq;
   Trajectory announced;  // not committed
   read_announcement(message, &announcement->motion, &announced);
   return true;
@@ -48,18 +61,17 @@ void CommitAudit::hear(Announcement announcement) {
   Robot& robot = robots_[id];
   if (robot.gate.pass(announcement.header) != Refusal::kNone) return;
   const bool is_new = announcement.differs(robot.newest);
-  if (!is_new) announcement.forced = robot.newest.forced;  // no longer said once it is flown
   robot.newest = announcement;
   if (!is_new) return;
   ++motions_;
-  forced_ += announcement.forced;
+  forced_ += announcement.forced_seq == announcement.motion.seq();
   const std::int64_t utime = announcement.header.utime;
   for (const auto& [other_id, other] : robots_) {
     if (other_id == id) continue;
     const Announcement& theirs = other.newest;
     if (motions_separated(announcement.motion, theirs.motion, utime, announcement.radius_m + theirs.radius_m)) continue;
-    conflicts_.push_back(
-        {utime, id, other_id, announcement.motion.seq(), theirs.motion.seq(), announcement.forced || theirs.forced});
+    conflicts_.push_back({utime, id, other_id, announcement.motion.seq(), theirs.motion.seq(),
+                          announcement.is_forced(utime) || theirs.is_forced(utime)});
   }
 }
 
@@ -84,12 +96,10 @@ void CommitAudit::finish(double clock_offset_ms) {
 }
 
 CommitAudit audit_log(const std::filesystem::path& path, double clock_offset_ms) {
-  lcm::LogFile log(path.string(), "r");
-  if (!log.good()) throw std::runtime_error(path.string() + ": must be a readable LCM log");
+  LcmLog log(path);
   CommitAudit audit;
-  while (const lcm::LogEvent* event = log.readNextEvent()) {
-    if (event->channel != channel::kTrajectory) continue;
-    audit.collect({static_cast<const std::uint8_t*>(event->data), static_cast<std::size_t>(event->datalen)});
+  for (LogEvent event; log.next(&event);) {
+    if (event.channel == channel::kTrajectory) audit.collect(event.bytes);
   }
   audit.finish(clock_offset_ms);
   return audit;
@@ -104,7 +114,7 @@ int audit_command(int argc, const char* const* argv) try {
       "may come closer than the sum of the radii, ever. Exit codes: 0 none does but for forced ones, 1 some do, 2 bad "
       "input.");
   options.add_positional("log", &path, "LCM log");
-  declare_clock_offset(options, &clock_offset_ms);
+  options.add("clock-offset-ms", &clock_offset_ms, 0, 10'000, "ms", "of the flight, as of swarm_sim run");
   if (options.parse(argc, argv, std::cout) == OptionSet::Parsed::kExit) return 0;
   const CommitAudit audit = audit_log(path, clock_offset_ms);
   if (audit.motions() == 0) throw std::runtime_error(path + ": holds no announcements");

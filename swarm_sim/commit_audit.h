@@ -27,7 +27,7 @@ class CommitAudit {
   // else is ignored.
   void hear(std::span<const std::uint8_t> bytes, std::int64_t clock_offset_us = 0);
   // The same in any order; finish() then hears them in the order of their header times, which is that of cause and
-  // effect where none of what a robot sent is missing. `clock_offset_ms`: as in FlightOptions.
+  // effect where none of what a robot sent is missing. `clock_offset_ms`: as in FlightOptions, of the robots heard.
   void collect(std::span<const std::uint8_t> bytes);
   void finish(double clock_offset_ms = 0.0);
 
@@ -41,9 +41,11 @@ class CommitAudit {
     sogm_swarm::header_t header{};
     double radius_m = 0.0;
     Motion motion;
-    bool forced = false;  // it was committed without everybody's word
+    std::int32_t forced_seq = 0;  // newest that was committed without everybody's word
 
     void set_back(std::int64_t clock_offset_us);  // to the world's time
+    // Bound to one that was forced lately.
+    bool is_forced(std::int64_t utime) const;
     // Says something else than `other`: not only that time has gone on.
     bool differs(const Announcement& other) const;
   };

@@ -60,14 +60,6 @@ void declare(OptionSet& options, FlightArguments& arguments) {
   });
 }
 
-void declare_clock_offset(OptionSet& options, double* clock_offset_ms) {
-  FlightArguments arguments;
-  for_each_number(arguments,
-                  [&](const char* name, double& value, double low, double high, const char* unit, const char* help) {
-                    if (&value == &arguments.clock_offset_ms) options.add(name, clock_offset_ms, low, high, unit, help);
-                  });
-}
-
 FlightOptions flight_options(const FlightArguments& arguments) {
   FlightOptions options;
   options.time_limit_s = arguments.time_limit_s;

@@ -20,8 +20,6 @@ struct FlightArguments {
 };
 
 void declare(OptionSet& options, FlightArguments& arguments);
-// The one of them that audits of flights need as well.
-void declare_clock_offset(OptionSet& options, double* clock_offset_ms);
 
 // Reads the config files. Throws OptionError.
 FlightOptions flight_options(const FlightArguments& arguments);

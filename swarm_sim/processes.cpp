@@ -116,7 +116,7 @@ class RobotEnvironment : public Node {
     else if (channel == channel::kBroadcastStatus)
       read(bytes, &broadcast_status_);
     else if (channel == channel::kPlannerStatus)
-      note_plan(bytes);
+      note_plan(now_us, bytes);
   }
 
   std::int64_t step(std::int64_t now_us, Outbox& outbox) override {
@@ -183,14 +183,14 @@ class RobotEnvironment : public Node {
     return true;
   }
 
-  void note_plan(std::span<const std::uint8_t> bytes) {
+  void note_plan(std::int64_t now_us, std::span<const std::uint8_t> bytes) {
     const sogm_swarm::planner_status_t before = planner_status_;
     if (!read(bytes, &planner_status_)) return;
     if (planner_status_.header.boot != before.header.boot) {  // it counts from 0 again
       plans_before_ -= before.plans;
       missed_before_ -= before.missed;
     }
-    if (world_.t_s(planner_status_.header.utime) < 0.0 || planner_status_.plans == plans_seen_) return;
+    if (world_.t_s(now_us) < 0.0 || planner_status_.plans == plans_seen_) return;
     plans_seen_ = planner_status_.plans;
     const sogm_swarm::planner_status_t& s = planner_status_;
     const double ms[] = {s.compose_ms, s.search_ms, s.corridor_ms, s.optimize_ms, s.check_ms, s.total_ms};

@@ -27,9 +27,8 @@ struct FlightOptions {
   MapConfig map;
   PlannerNodeConfig planner;
   BroadcastConfig broadcast;
-  LinkOptions link;  // between robots
-  double clock_offset_ms =
-      0.0;  // between the clocks of the first robot and the last, the others' in equal steps between
+  LinkOptions link;              // between robots
+  double clock_offset_ms = 0.0;  // the lowest id's clock is so much behind the highest's; the others lie between
   std::vector<Kill> kills;
 };
 

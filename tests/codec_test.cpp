@@ -274,8 +274,8 @@ TEST(Codec, RefusesToEncodeACountThatIsNotTheNumberOfElements) {
 
 TEST(Codec, SizesOnTheSwarmBusFitOneFrame) {
   Random random(11);
-  EXPECT_EQ(encoded(make<announcement_t>(random, 0)).size(), 887u);
-  EXPECT_EQ(encoded(make<announcement_t>(random, 62)).size(), 1445u);
+  EXPECT_EQ(encoded(make<announcement_t>(random, 0)).size(), 891u);
+  EXPECT_EQ(encoded(make<announcement_t>(random, 62)).size(), 1449u);
 }
 
 TEST(CheckTime, HoldsAtItsBoundsAndForAnyTime) {

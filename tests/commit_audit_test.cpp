@@ -15,13 +15,14 @@ using sogm_swarm::ack_t;
 using sogm_swarm::announcement_t;
 
 Bytes announcement(int robot, std::int64_t seq, const Trajectory& committed, const Trajectory& pending = {},
-                   std::int8_t state = announcement_t::kNone, std::int32_t boot = 1) {
+                   std::int8_t state = announcement_t::kNone, std::int32_t boot = 1, std::int32_t forced_seq = 0) {
   announcement_t message{};
   message.header = make_header(robot, boot, seq, kStart_us + seq * 1000);
   message.radius = 0.2f;
   message.committed = committed.to_wire();
   message.pending = pending.to_wire();
   message.pending_state = state;
+  message.forced_seq = forced_seq;
   message.num_acks = 2;
   message.acks = {{-1, 0, ack_t::kNone}, {-1, 0, ack_t::kNone}};
   return encoded(message);
@@ -68,13 +69,16 @@ TEST(CommitAudit, WhatWasForcedIsTold) {
   CommitAudit audit;
   const Trajectory hop = flight(kHover1, {0.3, 0, 1});
   audit.hear(announcement(1, 0, kHover1));
-  audit.hear(announcement(1, 1, kHover1, hop, announcement_t::kForced));
-  audit.hear(announcement(1, 2, hop));
+  audit.hear(announcement(1, 1, kHover1, hop, announcement_t::kCommitted, 1, 2));
+  audit.hear(announcement(1, 2, hop, {}, announcement_t::kNone, 1, 2));
   EXPECT_EQ(audit.motions(), 2);
   EXPECT_EQ(audit.forced(), 1);
   audit.hear(announcement(0, 0, kHover0));
   ASSERT_EQ(audit.conflicts().size(), 1u);
   EXPECT_TRUE(audit.conflicts()[0].forced);
+  audit.hear(announcement(0, 6'000, Trajectory::hover(2, kStart_us, {0.1, 0, 1})));
+  ASSERT_EQ(audit.conflicts().size(), 2u);
+  EXPECT_FALSE(audit.conflicts()[1].forced);  // long after: that is no excuse
 }
 
 // Where clocks differ, motions are compared at the same moments.

@@ -81,7 +81,8 @@ class Swarm {
     return "";
   }
 
-  // Whether everybody can still commit once the network is good again: a hop above its place.
+  // Whether everybody can still commit once the network is good again: a hop above its place, or away from whom it is
+  // too close to.
   bool lives() const {
     Swarm later = *this;
     for (int k = 0; k < 4; ++k) {  // whatever is pending is committed or withdrawn
@@ -91,12 +92,13 @@ class Swarm {
     later.deliver_all();
     for (std::size_t i = 0; i < n_; ++i) {
       const int before = later.robots_[i].protocol.commits();
-      const Motion& motion = *later.robots_[i].protocol.motion();
-      later.propose_to(i, motion.at(later.now_us()).position + Eigen::Vector3d(0, 0, 0.1));
+      later.propose_to(i, later.place(i) + 0.1 * later.way_out(i));
       later.deliver_all();
       if (later.robots_[i].protocol.commits() != before + 1) return false;
-      later.tick();
-      later.deliver_all();
+      for (int k = 0; k < 2; ++k) {  // it is flown
+        later.tick();
+        later.deliver_all();
+      }
     }
     return true;
   }
@@ -148,6 +150,14 @@ class Swarm {
   }
 
  private:
+  Eigen::Vector3d place(std::size_t i) const { return robots_[i].protocol.motion()->at(now_us()).position; }
+  Eigen::Vector3d way_out(std::size_t i) const {
+    for (std::size_t j = 0; j < n_; ++j) {
+      const Eigen::Vector3d apart = place(i) - place(j);
+      if (j != i && apart.norm() > 0.0 && apart.norm() < 2 * kRadius + kSeparation) return apart.normalized();
+    }
+    return Eigen::Vector3d::UnitZ();
+  }
   struct Robot {
     CommitProtocol protocol;
     announcement_t kept;
@@ -264,7 +274,8 @@ struct Found {
 // Depth first; every state once.
 class Search {
  public:
-  explicit Search(int liveness_share) : liveness_share_(liveness_share) {}
+  // Ends at the first conflict, unless it shall go on.
+  explicit Search(int liveness_share, bool goes_on = false) : liveness_share_(liveness_share), goes_on_(goes_on) {}
   Found all_of(const Swarm& start) {
     visit(start);
     return found_;
@@ -272,14 +283,15 @@ class Search {
 
  private:
   void visit(const Swarm& state) {
-    if (!found_.conflict.empty() || !seen_.insert(state.key()).second) return;
-    found_.conflict = state.conflict();
+    if ((!found_.conflict.empty() && !goes_on_) || !seen_.insert(state.key()).second) return;
+    if (found_.conflict.empty()) found_.conflict = state.conflict();
     found_.commits += state.commits();
-    if (found_.states++ % liveness_share_ == 0 && found_.conflict.empty()) found_.dead += !state.lives();
+    if (found_.states++ % liveness_share_ == 0 && (found_.conflict.empty() || goes_on_)) found_.dead += !state.lives();
     state.for_each_next([this](const Swarm& next) { visit(next); });
   }
 
   int liveness_share_;
+  bool goes_on_;
   std::unordered_set<std::uint64_t> seen_;
   Found found_;
 };
@@ -341,8 +353,16 @@ TEST(CommitProtocol, FaultsAreFound) {
   any_order.any_order = true;
   forgets.forgets = true;
   for (const Scope& faulty : {same_boot, any_order, forgets}) EXPECT_NE(search(faulty).conflict, "");
-  // Forced commits can meet others: that is why they are the last resort.
-  EXPECT_NE(search({.sites = kSites, .goals = kSwap, .ticks = 4, .urgent = 1}).conflict, "");
+}
+
+// Forced commits can meet others, which is why they are the last resort; but not those of the holder, and whatever has
+// met comes apart again.
+TEST(CommitProtocol, TwoRobotsOfWhichOneIsInDanger) {
+  expect_safe({.sites = kSites, .goals = kSwap, .ticks = 4, .urgent = 0}, 13'000);
+  const Found found = Search(7, true).all_of(Swarm({.sites = kSites, .goals = kSwap, .ticks = 3, .urgent = 1}));
+  EXPECT_NE(found.conflict, "");
+  EXPECT_EQ(found.dead, 0);
+  EXPECT_GT(found.states, 1'000);
 }
 
 }  // namespace

@@ -111,12 +111,16 @@ class Bench {
  public:
   template <class... Arguments>
   explicit Bench(Arguments&&... arguments) : node(std::forward<Arguments>(arguments)...) {
-    wake_us = node.step(now_us, out);
+    step();
   }
 
+  void step() {
+    ++steps;
+    wake_us = node.step(now_us, out);
+  }
   void deliver(BusId bus, std::string_view channel, std::span<const std::uint8_t> bytes) {
     node.on_message(now_us, bus, channel, bytes, out);
-    wake_us = node.step(now_us, out);
+    step();
   }
   template <class T>
   void send(std::string_view channel, const T& message, BusId bus = BusId::kOnboard) {
@@ -126,13 +130,14 @@ class Bench {
     while (wake_us <= utime) {
       ASSERT_GT(wake_us, now_us) << "the node asks for a step in the past";
       now_us = wake_us;
-      wake_us = node.step(now_us, out);
+      step();
     }
     now_us = utime;
   }
   void run_for(double seconds) { run_until(now_us + std::llround(seconds * 1e6)); }
 
   std::int64_t now_us = kStart_us, wake_us = 0;
+  int steps = 0;
   Mailbox out;
   NodeType node;
 };

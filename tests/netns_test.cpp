@@ -1,9 +1,9 @@
 // Robots on computers of their own: each in a network namespace, on one bridge, over real interfaces that lose a fifth
 // of all packets, and one of which is cut off for a while. Skipped where namespaces cannot be made.
-#include <lcm/lcm-cpp.hpp>
 #include <nlohmann/json.hpp>
 
 #include "lcmtypes/bus/channels.h"
+#include "lcmtypes/bus/lcm_log.h"
 #include "swarm_sim/world_generator.h"
 #include "swarm_sim/world_json.h"
 #include "tests/harness.h"
@@ -69,13 +69,12 @@ class Network {
 
 // Between two announcements of peers in an onboard log.
 double longest_silence_s(const std::string& path) {
-  lcm::LogFile log(path, "r");
-  EXPECT_TRUE(log.good()) << path;
+  LcmLog log(path);
   std::int64_t before = 0, longest_us = 0;
-  while (const lcm::LogEvent* event = log.readNextEvent()) {
-    if (event->channel != channel::kPeerTrajectory) continue;
-    if (before != 0) longest_us = std::max(longest_us, event->timestamp - before);
-    before = event->timestamp;
+  for (LogEvent event; log.next(&event);) {
+    if (event.channel != channel::kPeerTrajectory) continue;
+    if (before != 0) longest_us = std::max(longest_us, event.utime - before);
+    before = event.utime;
   }
   return 1e-6 * static_cast<double>(longest_us);
 }
@@ -108,7 +107,7 @@ TEST(Netns, RobotsOnComputersOfTheirOwnFlyOverLossyInterfaces) {
     write_text(directory / "slow.cfg", "lead = 0.4\nperiod = 0.3\nstale-map = 2\n");
     words.insert(words.end(), {"--planner-config", directory / "slow.cfg", "--sensor-rate", "3"});
   }
-  std::thread outage([&network] {
+  std::jthread outage([&network] {
     std::this_thread::sleep_for(3s);
     network.plug(2, false);
     std::this_thread::sleep_for(3s);

@@ -228,10 +228,45 @@ TEST(PlannerNode, WhatIsUrgentWaitsForNoAnswers) {
   send_threat(f, 1.9);
   EXPECT_EQ(f.node.plans(), plans + 1);
   EXPECT_EQ(f.out.newest<candidate_t>(channel::kCandidate).urgent, 1);
-  EXPECT_LT(f.planned().start_utime(), f.now_us + 50'000);
-  f.run_for(0.1);
+  EXPECT_LT(f.planned().start_utime(), f.now_us + 950'000);  // a second before it comes
+  f.run_for(0.03);
   send_threat(f, 1.8);
-  EXPECT_EQ(f.node.plans(), plans + 1);  // an urgent plan is waited for
+  EXPECT_EQ(f.node.plans(), plans + 1);  // not before the period is over
+  f.run_for(0.02);
+  EXPECT_EQ(f.node.plans(), plans + 2);  // it was not announced
+  plan = f.planned();
+  plan.set_seq(8);
+  f.send(channel::kOwnTrajectory, f.announcement(kRobot, hover, plan, announcement_t::kAnnounced, f.now_us));
+  f.run_until(plan.start_utime() - 5'000);
+  send_threat(f, 1.0);
+  EXPECT_EQ(f.node.plans(), plans + 2);  // an urgent plan is waited for
+}
+
+// The more time there is until then, the more there is for answers.
+TEST(PlannerNode, UrgentPlansBeginInTime) {
+  for (const double s : {0.3, 0.9, 1.3, 1.9}) {
+    SCOPED_TRACE(s);
+    Fixture f;
+    f.start(kHome);
+    for (int i = 0; i < 10; ++i) {  // answers take 0.4 s
+      carry_out(f, 0.4, true);
+      (void)lead_s(f);
+    }
+    for (int i = 0; i < 5; ++i) {  // and then none come
+      carry_out(f, CommitDelay::kLongest_s, false);
+      (void)lead_s(f);
+    }
+    f.run_for(0.1);
+    send_threat(f, s);
+    const double begins_s = 1e-6 * static_cast<double>(f.planned().start_utime() - f.now_us);
+    ASSERT_EQ(f.out.newest<candidate_t>(channel::kCandidate).urgent, 1);
+    const double plan_s = Fixture::make_config().lead_s;
+    if (s < 0.6) {
+      EXPECT_NEAR(begins_s, plan_s + 0.02, 1e-6);
+    } else {
+      EXPECT_NEAR(begins_s, s - (s < 1.0 ? 0.6 : 1.0), s < 1.5 && s > 1.0 ? 0.3 : 0.021);
+    }
+  }
 }
 
 // Who is not heard may have stepped aside: the way past it leads farther off.
@@ -251,6 +286,31 @@ TEST(PlannerNode, KeepsFarFromSilentPeers) {
   EXPECT_GT(nearest[1], nearest[0] + 0.3);
 }
 
+// Two robots rest closer to each other than plans may pass: whoever wants to go on parts from the other first.
+TEST(PlannerNode, PartsFromAPeerThatRestsTooClose) {
+  const Eigen::Vector3d place(0.16, -0.35, 0.81);
+  for (const Eigen::Vector3d& goal : {Eigen::Vector3d(6, 0, 1), kHome}) {
+    Fixture f;
+    f.send_peer(7, Trajectory::hover(1, f.now_us - 1'000'000, place));
+    f.send_own({Trajectory::hover(1, f.now_us - 1'000'000, kHome), {}});
+    f.send_goal(goal);
+    f.send_map();
+    ASSERT_EQ(f.node.plans(), 1);
+    if (goal == kHome) {  // it has arrived: who wants to go on is the other
+      EXPECT_TRUE(f.out.count(channel::kCandidate) == 0 || (end_of(f.planned()) - kHome).norm() < 0.2);
+      continue;
+    }
+    const Trajectory plan = f.planned();
+    double before = (kHome - place).norm();
+    for (std::int64_t t = plan.start_utime(); t < plan.end_utime(); t += 50'000) {
+      const double distance = (plan.at(t).position - place).norm();
+      EXPECT_GT(distance, before - 0.01);
+      before = std::max(before, distance);
+    }
+    EXPECT_GT(before, 0.8);
+  }
+}
+
 // A plan that was forced was not answered: the next one that is urgent only steps aside.
 TEST(PlannerNode, WithoutAnswersItOnlyStepsAside) {
   for (const bool answered : {true, false}) {
@@ -258,9 +318,10 @@ TEST(PlannerNode, WithoutAnswersItOnlyStepsAside) {
     f.start({3, 0, 1});
     Trajectory plan = f.planned();
     plan.set_seq(7);
-    const auto state = answered ? announcement_t::kCommitted : announcement_t::kForced;
-    f.send(channel::kOwnTrajectory,
-           f.announcement(kRobot, Trajectory::hover(1, f.now_us, kHome), plan, state, f.now_us));
+    announcement_t message =
+        f.announcement(kRobot, Trajectory::hover(1, f.now_us, kHome), plan, announcement_t::kCommitted, f.now_us);
+    message.forced_seq = answered ? 0 : 7;
+    f.send(channel::kOwnTrajectory, message);
     f.run_until(plan.start_utime() + 20'000);
     f.send_hover();
     send_threat(f, 0.9);

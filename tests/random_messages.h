@@ -62,7 +62,8 @@ inline void make(Random& random, int elements, announcement_t* m) {
   m->pending = m->pending_state == 0 ? trajectory_t{} : make_trajectory(random, m->header.utime);
   m->pending_stamp = m->header.utime - 1000;
   m->roster_crc = integer(random, 0, 1 << 30);
-  m->least_delay_us = integer(random, -100'000, announcement_t::kUnknown);
+  m->forced_seq = integer(random, 0, 1 << 30);
+  m->least_delay_us = integer(random, 0, 1) == 0 ? announcement_t::kUnknown : integer(random, -10'000'000, 10'000'000);
   m->num_acks = static_cast<std::int16_t>(std::min(elements, 62));
   m->header.robot_id = 1000;
   for (int i = 0; i < m->num_acks; ++i) {

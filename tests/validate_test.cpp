@@ -90,7 +90,7 @@ TEST(Validate, Ranges) {
   EXPECT_RANGE(announcement_t, committed.knots[0][1], -1e5f, 1e5f);
   EXPECT_RANGE(announcement_t, committed.knots[0][4], -100.0f, 100.0f);
   EXPECT_RANGE(announcement_t, committed.knots[0][8], -1000.0f, 1000.0f);
-  EXPECT_RANGE(announcement_t, pending_state, 0, 3);
+  EXPECT_RANGE(announcement_t, pending_state, 0, 2);
   EXPECT_RANGE(candidate_t, urgent, 0, 1);
   EXPECT_RANGE(announcement_t, pending_stamp, std::int64_t{0}, kMaxUtime);
   EXPECT_RANGE(announcement_t, acks[1].verdict, 0, 2);
@@ -124,6 +124,9 @@ TEST(Validate, CountersAndAmountsAreNotNegative) {
   EXPECT_TRUE(refused([](auto& m) { m.refused[0] = -1; }, Judge<planner_status_t>()));
   EXPECT_TRUE(refused([](auto& m) { m.withdrawn = -1; }, Judge<broadcast_status_t>()));
   EXPECT_TRUE(refused([](auto& m) { m.forced = -1; }, Judge<broadcast_status_t>()));
+  EXPECT_TRUE(refused([](auto& m) { m.forced_seq = -1; }, Judge<announcement_t>()));
+  for (const int delay_us : {-10'000'001, 10'000'001, announcement_t::kUnknown - 1})
+    EXPECT_TRUE(refused([=](auto& m) { m.least_delay_us = delay_us; }, Judge<announcement_t>())) << delay_us;
   EXPECT_TRUE(refused([](auto& m) { m.rejected[7] = -1; }, Judge<broadcast_status_t>()));
   EXPECT_TRUE(refused([](auto& m) { m.refused[3] = -1; }, Judge<broadcast_status_t>()));
   EXPECT_TRUE(refused([](auto& m) { m.max_clock_offset_ms = -1; }, Judge<broadcast_status_t>()));

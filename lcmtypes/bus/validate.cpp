@@ -15,8 +15,9 @@ namespace {
 
 constexpr double kMaxPosition = 1e5, kMaxVelocity = 100.0, kMaxAcceleration = 1e3;  // per axis, SI units
 constexpr double kAnything = std::numeric_limits<double>::max();                    // but finite
-constexpr double kRest = 1e-3;                                // what still counts as standing, per axis [m/s], [m/s^2]
-constexpr std::int64_t kMaxUtime = std::int64_t{1} << 53;     // so that sums of times never overflow
+constexpr double kRest = 1e-3;                             // what still counts as standing, per axis [m/s], [m/s^2]
+constexpr std::int64_t kMaxUtime = std::int64_t{1} << 53;  // so that sums of times never overflow
+constexpr int kMaxDelay_us = 10'000'000;
 constexpr int kMaxOrigin = 1 << 30;                           // nor do sums of world indices
 constexpr std::int64_t kMaxMapWords = std::int64_t{1} << 25;  // 256 MB once decompressed
 constexpr int kMaxPartBytes = 60000, kMaxMapBytes = 1 << 22;
@@ -99,8 +100,10 @@ Refusal validate(const announcement_t& m) {
   for (const trajectory_t* trajectory : {&m.committed, &m.pending}) {
     if (const Refusal refusal = validate(*trajectory); refusal != Refusal::kNone) return refusal;
   }
-  bool values_ok = m.radius > 0.0f && m.radius <= 10.0f && utime_ok(m.pending_stamp) &&
-                   within(m.pending_state, announcement_t::kNone, announcement_t::kForced);
+  bool values_ok =
+      m.radius > 0.0f && m.radius <= 10.0f && utime_ok(m.pending_stamp) &&
+      within(m.pending_state, announcement_t::kNone, announcement_t::kCommitted) && m.forced_seq >= 0 &&
+      (m.least_delay_us == announcement_t::kUnknown || within(m.least_delay_us, -kMaxDelay_us, kMaxDelay_us));
   bool consistent = (m.pending.seq == 0) == (m.pending_state == announcement_t::kNone);
   for (const ack_t& ack : m.acks) {
     values_ok =

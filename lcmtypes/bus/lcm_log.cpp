@@ -1,0 +1,83 @@
+#include "lcmtypes/bus/lcm_log.h"
+
+#include <algorithm>
+#include <array>
+#include <span>
+#include <stdexcept>
+
+namespace swarm {
+namespace {
+
+// An event: this word, its number (8 bytes), time (8), lengths of channel and data (4 each), channel, data; big-endian.
+constexpr std::uint32_t kSync = 0xEDA1DA01;
+constexpr std::size_t kHeader = 28, kMaxChannel = 63;
+
+std::uint64_t number(std::span<const std::uint8_t> bytes) {
+  std::uint64_t value = 0;
+  for (const std::uint8_t byte : bytes) value = value << 8 | byte;
+  return value;
+}
+
+}  // namespace
+
+LcmLog::LcmLog(const std::filesystem::path& path) : file_(path, std::ios::binary) {
+  std::error_code error;
+  size_ = static_cast<std::int64_t>(std::filesystem::file_size(path, error));
+  if (!file_ || error) throw std::runtime_error(path.string() + ": must be a readable LCM log");
+}
+
+bool LcmLog::next(LogEvent* event) {
+  while (next_ < size_) {
+    offset_ = next_;
+    file_.clear();
+    file_.seekg(offset_);
+    if (read(event)) {
+      next_ = file_.tellg();
+      return true;
+    }
+    // To the next place that may begin one.
+    file_.clear();
+    file_.seekg(offset_ + 1);
+    std::uint32_t word = 0;
+    int byte = 0;
+    for (next_ = offset_ - 3; word != kSync && (byte = file_.get()) >= 0; ++next_)
+      word = word << 8 | static_cast<std::uint32_t>(byte);
+    next_ = word == kSync ? next_ : size_;
+    skipped_ += next_ - offset_;
+  }
+  return false;
+}
+
+bool LcmLog::read_at(std::int64_t offset, LogEvent* event) {
+  file_.clear();
+  file_.seekg(offset);
+  return read(event);
+}
+
+bool LcmLog::read(LogEvent* event) {
+  const std::int64_t from = file_.tellg();
+  std::array<std::uint8_t, kHeader> header;
+  if (!file_.read(reinterpret_cast<char*>(header.data()), header.size())) return false;
+  const std::span<const std::uint8_t> fields(header);
+  const std::uint64_t channel = number(fields.subspan(20, 4)), data = number(fields.subspan(24, 4));
+  if (number(fields.first(4)) != kSync || channel < 1 || channel > kMaxChannel || data > kMaxBytes ||
+      from + static_cast<std::int64_t>(kHeader + channel + data) > size_)
+    return false;
+  event->utime = static_cast<std::int64_t>(number(fields.subspan(12, 8)));
+  event->channel.resize(channel);
+  event->bytes.resize(data);
+  file_.read(event->channel.data(), static_cast<std::streamsize>(channel));
+  file_.read(reinterpret_cast<char*>(event->bytes.data()), static_cast<std::streamsize>(data));
+  if (!file_ ||
+      !std::all_of(event->channel.begin(), event->channel.end(), [](char c) { return c > ' ' && c < '\x7f'; }))
+    return false;
+  // Another one or nothing must follow, or the lengths are wrong.
+  const std::int64_t end = file_.tellg();
+  std::array<std::uint8_t, 4> word;
+  const bool ends = !file_.read(reinterpret_cast<char*>(word.data()), word.size());
+  file_.clear();
+  file_.seekg(end);
+  return ends || number(word) == kSync;
+}
+
+}  // namespace swarm

@@ -1,0 +1,41 @@
+// Reading LCM logs, damaged ones too: whatever is no event is skipped and counted.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <fstream>
+#include <string>
+#include <vector>
+
+namespace swarm {
+
+struct LogEvent {
+  std::int64_t utime = 0;  // when it was recorded [us since epoch]
+  std::string channel;
+  std::vector<std::uint8_t> bytes;
+};
+
+class LcmLog {
+ public:
+  static constexpr std::uint32_t kMaxBytes = 1u << 26;  // of one event
+
+  // Throws std::runtime_error with path and reason when the file cannot be read.
+  explicit LcmLog(const std::filesystem::path& path);
+
+  // The next event in the file's order; false: there is none.
+  bool next(LogEvent* event);
+  // Where the event that next() gave begins [bytes], and the same event again. False: there is none at this place.
+  std::int64_t offset() const { return offset_; }
+  bool read_at(std::int64_t offset, LogEvent* event);
+  // Bytes that were no events, so far.
+  std::int64_t skipped() const { return skipped_; }
+  std::int64_t size() const { return size_; }
+
+ private:
+  bool read(LogEvent* event);
+
+  std::ifstream file_;
+  std::int64_t size_ = 0, next_ = 0, offset_ = 0, skipped_ = 0;
+};
+
+}  // namespace swarm

@@ -1,0 +1,266 @@
+// What a log of a bus holds: channels, rates, gaps, planning times, what became of plans, refusals and losses.
+#include <algorithm>
+#include <array>
+#include <cstdio>
+#include <cstdlib>
+#include <functional>
+#include <iostream>
+#include <map>
+#include <set>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "lcmtypes/bus/channels.h"
+#include "lcmtypes/bus/codec.h"
+#include "lcmtypes/bus/lcm_log.h"
+#include "planner_daemon/commit_protocol.h"
+#include "swarm_sim/report.h"
+#include "swarm_sim/text.h"
+
+namespace swarm {
+namespace {
+
+using namespace sogm_swarm;
+
+struct Channel {
+  std::int64_t messages = 0, bytes = 0, refused = 0;
+  std::int64_t first_us = 0, last_us = 0, longest_gap_us = 0;
+};
+
+// Announcements of one sender on one channel, by their numbers.
+struct Announced {
+  std::int64_t heard = 0, lost = 0, restarts = 0;
+  std::int32_t boot = -1;
+  std::int64_t seq = 0;
+};
+
+// Counts since start, which begin at 0 again with every boot: the sum over all of them.
+class Total {
+ public:
+  void add(std::int32_t boot, std::int64_t count) {
+    if (boot != boot_) before_ += newest_;
+    boot_ = boot;
+    newest_ = count;
+  }
+  std::int64_t sum() const { return before_ + newest_; }
+
+ private:
+  std::int32_t boot_ = -1;
+  std::int64_t before_ = 0, newest_ = 0;
+};
+
+struct Robot {
+  std::vector<double> plan_ms, build_ms;
+  Total missed, candidates, commits, forced, withdrawn;
+  std::array<Total, kNumRejections> rejected;
+  std::map<std::string, std::array<Total, kNumRefusals>> refused;  // by daemon
+  std::int32_t plans = -1;
+};
+
+std::string fixed(double value, int decimals) {
+  std::string text;
+  append_fixed(value, decimals, &text);
+  return text;
+}
+
+template <class Status>
+void add_refused(const Status& status, const char* daemon, Robot* robot) {
+  auto& totals = robot->refused[daemon];
+  for (std::size_t i = 0; i < totals.size(); ++i) totals[i].add(status.header.boot, status.refused[i]);
+}
+
+class Summary {
+ public:
+  void add(const LogEvent& event) {
+    Channel& channel = channels_[event.channel];
+    if (channel.messages++ == 0) {
+      channel.first_us = event.utime;
+    } else {
+      channel.longest_gap_us = std::max(channel.longest_gap_us, event.utime - channel.last_us);
+    }
+    channel.last_us = event.utime;
+    channel.bytes += static_cast<std::int64_t>(event.bytes.size());
+    first_us_ = messages_ == 0 ? event.utime : std::min(first_us_, event.utime);
+    last_us_ = messages_++ == 0 ? event.utime : std::max(last_us_, event.utime);
+    if (const Refusal refusal = read(event); refusal != Refusal::kNone) {
+      ++channel.refused;
+      ++refusals_[event.channel][refusal];
+    }
+  }
+
+  std::string text(const std::string& path, std::int64_t skipped) const {
+    const double seconds = 1e-6 * static_cast<double>(last_us_ - first_us_);
+    std::string out = path + ": " + fixed(seconds, 2) + " s, " + std::to_string(messages_) + " messages\n";
+    if (skipped > 0) out += "  damaged: " + std::to_string(skipped) + " bytes are no events\n";
+    std::vector<std::vector<std::string>> rows = {
+        {"channel", "messages", "per s", "bytes each", "longest gap s", "not readable"}};
+    for (const auto& [name, channel] : channels_) {
+      const double span = 1e-6 * static_cast<double>(channel.last_us - channel.first_us);
+      rows.push_back({name, std::to_string(channel.messages),
+                      span > 0.0 ? fixed(static_cast<double>(channel.messages - 1) / span, 1) : "-",
+                      std::to_string(channel.bytes / channel.messages),
+                      fixed(1e-6 * static_cast<double>(channel.longest_gap_us), 3), std::to_string(channel.refused)});
+    }
+    out += aligned(rows);
+    for (const auto& [name, reasons] : refusals_) {
+      out += "  " + name + ": not readable:";
+      for (const auto& [reason, count] : reasons)
+        out.append(" ").append(to_string(reason)).append(" ").append(std::to_string(count));
+      out += '\n';
+    }
+    for (const auto& [id, robot] : robots_) out += text_of_robot(id, robot);
+    for (const auto& [key, announced] : announced_) {
+      out += "  robot " + std::to_string(key.second) + " on " + key.first + ": " + std::to_string(announced.heard) +
+             " announcements, " + std::to_string(announced.lost) + " missing (" +
+             fixed(100.0 * static_cast<double>(announced.lost) / static_cast<double>(announced.heard + announced.lost),
+                   1) +
+             " %), " + std::to_string(announced.restarts) + " restarts\n";
+    }
+    return out;
+  }
+
+ private:
+  template <class T>
+  static Refusal visit(const LogEvent& event, const std::function<void(const T&)>& use) {
+    T message;
+    const Refusal refusal = decode(event.bytes, &message);
+    if (refusal == Refusal::kNone) use(message);
+    return refusal;
+  }
+
+  // Messages of other types count as readable.
+  Refusal read(const LogEvent& event) {
+    const std::string_view name = event.channel;
+    if (name == channel::kTrajectory || name == channel::kOwnTrajectory || name == channel::kPeerTrajectory) {
+      return visit<announcement_t>(event, [&](const announcement_t& m) { add_announcement(event.channel, m.header); });
+    }
+    if (name == channel::kPlannerStatus) {
+      return visit<planner_status_t>(event, [&](const planner_status_t& m) {
+        Robot& robot = robots_[m.header.robot_id];
+        if (m.plans != robot.plans && m.plans > 0) robot.plan_ms.push_back(m.total_ms);
+        robot.plans = m.plans;
+        robot.missed.add(m.header.boot, m.missed);
+        add_refused(m, "planner", &robot);
+      });
+    }
+    if (name == channel::kBroadcastStatus) {
+      return visit<broadcast_status_t>(event, [&](const broadcast_status_t& m) {
+        Robot& robot = robots_[m.header.robot_id];
+        const std::int32_t boot = m.header.boot;
+        robot.candidates.add(boot, m.candidates);
+        robot.commits.add(boot, m.commits);
+        robot.forced.add(boot, m.forced);
+        robot.withdrawn.add(boot, m.withdrawn);
+        for (std::size_t i = 0; i < robot.rejected.size(); ++i) robot.rejected[i].add(boot, m.rejected[i]);
+        add_refused(m, "broadcast", &robot);
+      });
+    }
+    if (name == channel::kMapStatus) {
+      return visit<map_status_t>(event, [&](const map_status_t& m) {
+        Robot& robot = robots_[m.header.robot_id];
+        robot.build_ms.push_back(m.build_ms);
+        add_refused(m, "map", &robot);
+      });
+    }
+    if (name == channel::kSogm) return visit<sogm_t>(event, [](const sogm_t&) {});
+    if (name == channel::kCandidate) return visit<candidate_t>(event, [](const candidate_t&) {});
+    if (name == channel::kCorridors) return visit<corridors_t>(event, [](const corridors_t&) {});
+    if (name == channel::kObstacles) return visit<obstacles_t>(event, [](const obstacles_t&) {});
+    if (name == channel::kObstacleVoxels) return visit<obstacle_voxels_t>(event, [](const obstacle_voxels_t&) {});
+    if (name == channel::kRobotState) return visit<robot_state_t>(event, [](const robot_state_t&) {});
+    if (name == channel::kSetpoint) return visit<setpoint_t>(event, [](const setpoint_t&) {});
+    if (name == channel::kGoal) return visit<goal_t>(event, [](const goal_t&) {});
+    return Refusal::kNone;
+  }
+
+  void add_announcement(const std::string& channel, const header_t& header) {
+    Announced& announced = announced_[{channel, header.robot_id}];
+    const bool same_boot = announced.boot == header.boot;
+    if (same_boot && header.seq <= announced.seq) return;  // doubled or overtaken
+    if (same_boot) announced.lost += header.seq - announced.seq - 1;
+    if (!same_boot && announced.boot >= 0) ++announced.restarts;
+    announced.boot = header.boot;
+    announced.seq = header.seq;
+    ++announced.heard;
+  }
+
+  static std::string text_of_timing(const char* what, const std::vector<double>& samples_ms) {
+    const TimingStats stats = timing_stats(samples_ms);
+    if (stats.count == 0 || stats.max_ms == 0.0) return "";  // lock-step: no durations
+    return std::string("    ") + what + " ms: p50 " + fixed(stats.p50_ms, 3) + ", p95 " + fixed(stats.p95_ms, 3) +
+           ", p99 " + fixed(stats.p99_ms, 3) + ", max " + fixed(stats.max_ms, 3) + "\n";
+  }
+
+  static std::string text_of_robot(int id, const Robot& robot) {
+    std::string out = "  robot " + std::to_string(id) + ": " + std::to_string(robot.plan_ms.size()) + " plans, " +
+                      std::to_string(robot.missed.sum()) + " maps missed; " + std::to_string(robot.candidates.sum()) +
+                      " candidates, " + std::to_string(robot.commits.sum()) + " committed (" +
+                      std::to_string(robot.forced.sum()) + " forced), " + std::to_string(robot.withdrawn.sum()) +
+                      " withdrawn";
+    std::string rejected;
+    for (std::size_t i = 1; i < robot.rejected.size(); ++i) {
+      if (robot.rejected[i].sum() > 0)
+        rejected.append(" ")
+            .append(to_string(static_cast<Rejection>(i)))
+            .append(" ")
+            .append(std::to_string(robot.rejected[i].sum()));
+    }
+    out += (rejected.empty() ? "" : ", rejected:" + rejected) + "\n";
+    out += text_of_timing("plan", robot.plan_ms) + text_of_timing("map", robot.build_ms);
+    for (const auto& [daemon, totals] : robot.refused) {
+      std::string reasons;
+      for (std::size_t i = 1; i < totals.size(); ++i) {
+        if (totals[i].sum() > 0)
+          reasons.append(" ")
+              .append(to_string(static_cast<Refusal>(i)))
+              .append(" ")
+              .append(std::to_string(totals[i].sum()));
+      }
+      if (!reasons.empty()) out += "    refused by its " + daemon + "_daemon:" + reasons + "\n";
+    }
+    return out;
+  }
+
+  std::map<std::string, Channel> channels_;
+  std::map<std::string, std::map<Refusal, std::int64_t>> refusals_;
+  std::map<int, Robot> robots_;
+  std::map<std::pair<std::string, int>, Announced> announced_;
+  std::int64_t messages_ = 0, first_us_ = 0, last_us_ = 0;
+};
+
+int log_info(int argc, const char* const* argv) {
+  const std::vector<std::string> paths(argv + 1, argv + argc);
+  for (const std::string& path : paths) {
+    if (path == "--help" || path == "-h") {
+      std::cout
+          << "Usage: log_info LOG...\n"
+             "Summarises LCM logs, as of swarm_sim run --out, tools/record or lcm-logger: channels with rates, gaps "
+             "and what\ncannot be read, planning times, what became of plans, refusals, losses. Exit code 2 when a "
+             "log cannot be read.\n";
+      return 0;
+    }
+    if (path.starts_with("-")) throw std::runtime_error("unknown option '" + path + "' (see --help)");
+  }
+  if (paths.empty()) throw std::runtime_error("a log must be given (see --help)");
+  for (const std::string& path : paths) {
+    LcmLog log(path);
+    Summary summary;
+    LogEvent event;
+    std::int64_t events = 0;
+    for (; log.next(&event); ++events) summary.add(event);
+    if (events == 0)
+      throw std::runtime_error(path + ": holds no LCM events (" + std::to_string(log.size()) + " bytes)");
+    std::cout << summary.text(path, log.skipped());
+  }
+  return 0;
+}
+
+}  // namespace
+}  // namespace swarm
+
+int main(int argc, char** argv) try { return swarm::log_info(argc, argv); } catch (const std::exception& error) {
+  std::cerr << "log_info: " << error.what() << std::endl;
+  return 2;
+}
