@@ -10,10 +10,12 @@
 #include <memory>
 #include <optional>
 
+#include "lcmtypes/bus/atomic_file.h"
 #include "swarm_sim/flight_arguments.h"
 #include "swarm_sim/lockstep.h"
 #include "swarm_sim/processes.h"
 #include "swarm_sim/text.h"
+#include "swarm_sim/world_json.h"
 #include "swarm_sim/world_list.h"
 
 namespace swarm {
@@ -35,7 +37,7 @@ void declare(OptionSet& options, RunOptions& run) {
         if (mode != "lockstep" && mode != "processes") throw OptionError("must be lockstep or processes");
       });
   options.add("out", &run.out,
-              "directory for trace.csv, report.json and the LCM logs; none: only the table is printed");
+              "directory for world.json, trace.csv, report.json and the LCM logs; none: only the table is printed");
   declare(options, run.flight);
   options.add("base-port", &run.processes.base_port, 1024, 60000, "",
               "processes: port of the swarm bus is this, robot k's onboard bus this + 33 + k, its own "
@@ -120,6 +122,7 @@ int run_command(int argc, const char* const* argv) try {
   if (!run.out.empty()) {
     trace->close();
     logs->close();
+    write_file(out / "world.json", to_json_text(world, std::filesystem::absolute(out)));
     write_report(report, out / "report.json");
   }
   std::cout << summary_table(report) << std::flush;

@@ -72,7 +72,7 @@ TEST_F(Processes, FlyToTheEnd) {
   ASSERT_TRUE(exit_code) << program.err();
   EXPECT_TRUE(no_daemon_within(0.0));
   EXPECT_EQ(results("run"),
-            (std::set<std::string>{"report.json", "robot0.lcm", "robot1.lcm", "swarm.lcm", "trace.csv"}));
+            (std::set<std::string>{"report.json", "robot0.lcm", "robot1.lcm", "swarm.lcm", "trace.csv", "world.json"}));
   const auto report = nlohmann::json::parse(read_text(directory_ / "run/report.json"));
   EXPECT_EQ(report["mode"], "processes");
   for (const auto& robot : report["robots"]) EXPECT_GT(robot["plans"], 0);
