@@ -143,6 +143,8 @@ class RobotEnvironment : public Node {
   std::string missing() const {
     using namespace sogm_swarm;
     if (broadcast_status_.header.utime == 0) return "broadcast_daemon: no status";
+    if (broadcast_status_.state == broadcast_status_t::kClock)
+      return "broadcast_daemon: a peer's clock differs too much";
     if (broadcast_status_.state != broadcast_status_t::kFlying)
       return "broadcast_daemon: waits for the robot's state or for peers";
     if (map_status_.header.utime == 0) return "map_daemon: no status";
@@ -333,7 +335,8 @@ RunReport run_processes(const World& world, const OccupiedCubes* static_map, con
     }
     std::string missing;
     for (const auto& robot : robots) {
-      if (!robot->missing().empty()) missing = "robot " + std::to_string(robot->id()) + "'s " + robot->missing();
+      if (missing.empty() && !robot->missing().empty())
+        missing = "robot " + std::to_string(robot->id()) + "'s " + robot->missing();
     }
     if (!clock.start_us && missing.empty()) {
       clock.start_us = clock.now_us + 2 * Simulation::kTick_us;
