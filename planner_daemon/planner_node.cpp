@@ -16,10 +16,9 @@ using sogm_swarm::planner_status_t;
 constexpr std::int64_t kMaxAge_us = 1'000'000;
 constexpr std::int64_t kStatusPeriod_us = 1'000'000;
 constexpr std::size_t kMaxPeers = 64;
-constexpr std::int64_t kSilent_us = 500'000;  // a peer that was not heard for so long may have to step aside unseen
-constexpr std::int64_t kUrgent_us =
-    1'000'000;  // a plan that begins so long before an obstacle comes gets out of its way
-constexpr std::int64_t kGetAway_us = 600'000;    // and one that begins so long before it, still
+constexpr std::int64_t kSilent_us = 500'000;     // a peer that was not heard for so long may have to step aside unseen
+constexpr std::int64_t kUrgent_us = 1'000'000;   // before an obstacle comes, a plan must begin to get out of its way
+constexpr std::int64_t kGetAway_us = 600'000;    // and can begin at the latest
 constexpr std::int64_t kLastMoment_us = 10'000;  // so long before it begins, the broadcaster commits what is urgent
 constexpr double kApart_m = 0.5, kArrived_m = 0.1;
 constexpr std::int64_t kNever = std::numeric_limits<std::int64_t>::max();
