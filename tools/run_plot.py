@@ -155,10 +155,11 @@ def from_above(run, clearances, time_s):
     for i, trace in run.traces.items():
         seconds = trace[np.isclose(np.mod(trace[:, 0] + 1e-6, 1.0), 0.0, atol=5e-3)]
         axis.plot(seconds[:, 2], seconds[:, 3], ".", color=run.color(i), markersize=3)
-    for gap, at, i, kind in found[:4]:
+    told = {(at, kind) if kind == 1 else (at, i): (gap, at, i, kind) for gap, at, i, kind in reversed(found)}  # two robots once
+    for n, (gap, at, i, kind) in enumerate(sorted(told.values())[:4]):
         place = run.traces[i][at, 2:4]
         what = "obstacle" if kind == 0 else "robot"
-        axis.annotate(f"{gap:.2f} m to {what}, {run.t[at]:.1f} s", place, textcoords="offset points", xytext=(14, 14), fontsize=7.5, arrowprops={"arrowstyle": "-", "color": "black", "linewidth": 0.6}, bbox={"boxstyle": "round,pad=0.15", "facecolor": "white", "alpha": 0.8, "linewidth": 0})
+        axis.annotate(f"{gap:.2f} m to {what}, {run.t[at]:.1f} s", place, textcoords="offset points", xytext=((14, 40), (14, -46), (-120, 40), (-120, -46))[n], fontsize=7.5, arrowprops={"arrowstyle": "-", "color": "black", "linewidth": 0.6}, bbox={"boxstyle": "round,pad=0.15", "facecolor": "white", "alpha": 0.8, "linewidth": 0})
     axis.set_title(f"{run.report['world']}: {run.report['outcome']}; obstacles and robots at {run.t[k]:.1f} s, dots every second", fontsize=9)
     axis.legend(loc="upper left", bbox_to_anchor=(1, 1), frameon=False)
     return figure
