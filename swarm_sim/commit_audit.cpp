@@ -56,15 +56,15 @@ void CommitAudit::hear(std::span<const std::uint8_t> bytes, std::int64_t clock_o
   hear(announcement);
 }
 
-void CommitAudit::hear(Announcement announcement) {
+void CommitAudit::hear(const Announcement& announcement) {
   const int id = announcement.header.robot_id;
   Robot& robot = robots_[id];
   if (robot.gate.pass(announcement.header) != Refusal::kNone) return;
   const bool is_new = announcement.differs(robot.newest);
+  if (announcement.forced_seq != robot.newest.forced_seq) ++forced_;  // a restart forgets none
   robot.newest = announcement;
   if (!is_new) return;
   ++motions_;
-  forced_ += announcement.forced_seq == announcement.motion.seq();
   const std::int64_t utime = announcement.header.utime;
   for (const auto& [other_id, other] : robots_) {
     if (other_id == id) continue;

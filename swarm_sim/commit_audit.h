@@ -55,7 +55,7 @@ class CommitAudit {
   };
   // False: it is none.
   static bool read(std::span<const std::uint8_t> bytes, Announcement* announcement);
-  void hear(Announcement announcement);
+  void hear(const Announcement& announcement);
 
   std::map<int, Robot> robots_;
   std::map<int, Announcement> newest_;   // collected

@@ -79,6 +79,8 @@ TEST(CommitAudit, WhatWasForcedIsTold) {
   audit.hear(announcement(0, 6'000, Trajectory::hover(2, kStart_us, {0.1, 0, 1})));
   ASSERT_EQ(audit.conflicts().size(), 2u);
   EXPECT_FALSE(audit.conflicts()[1].forced);  // long after: that is no excuse
+  audit.hear(announcement(1, 0, hop, {}, announcement_t::kNone, 2, 2));
+  EXPECT_EQ(audit.forced(), 1);  // kept over a restart, not forced again
 }
 
 // Where clocks differ, motions are compared at the same moments.

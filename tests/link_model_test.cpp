@@ -119,7 +119,7 @@ TEST(LinkModel, FlightsOverABadLinkDoNotTouch) {
   for (const RobotReport& robot : report.robots) EXPECT_LT(robot.verdict.to_robots.distance_m, 4.0);  // they did fly
 }
 
-// Clocks that differ by less than is allowed for cost nothing; beyond, nobody flies.
+// Clocks that differ by less than is allowed for cost nothing; beyond, as soon as that is known, everybody rests.
 TEST(LinkModel, ClocksMayDifferUpToTheLimit) {
   const World world = make_world(Task::kCircle, Environment::kEmpty, 0, 3, {.robots = 4, .circle_m = 2.5});
   for (const double offset_ms : {9.0, 11.5}) {

@@ -28,30 +28,24 @@ LcmLog::LcmLog(const std::filesystem::path& path) : file_(path, std::ios::binary
 
 bool LcmLog::next(LogEvent* event) {
   while (next_ < size_) {
-    offset_ = next_;
+    const std::int64_t begin = next_;
     file_.clear();
-    file_.seekg(offset_);
+    file_.seekg(begin);
     if (read(event)) {
       next_ = file_.tellg();
       return true;
     }
     // To the next place that may begin one.
     file_.clear();
-    file_.seekg(offset_ + 1);
+    file_.seekg(begin + 1);
     std::uint32_t word = 0;
     int byte = 0;
-    for (next_ = offset_ - 3; word != kSync && (byte = file_.get()) >= 0; ++next_)
+    for (next_ = begin - 3; word != kSync && (byte = file_.get()) >= 0; ++next_)
       word = word << 8 | static_cast<std::uint32_t>(byte);
     next_ = word == kSync ? next_ : size_;
-    skipped_ += next_ - offset_;
+    skipped_ += next_ - begin;
   }
   return false;
-}
-
-bool LcmLog::read_at(std::int64_t offset, LogEvent* event) {
-  file_.clear();
-  file_.seekg(offset);
-  return read(event);
 }
 
 bool LcmLog::read(LogEvent* event) {

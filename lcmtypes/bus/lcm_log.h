@@ -24,9 +24,6 @@ class LcmLog {
 
   // The next event in the file's order; false: there is none.
   bool next(LogEvent* event);
-  // Where the event that next() gave begins [bytes], and the same event again. False: there is none at this place.
-  std::int64_t offset() const { return offset_; }
-  bool read_at(std::int64_t offset, LogEvent* event);
   // Bytes that were no events, so far.
   std::int64_t skipped() const { return skipped_; }
   std::int64_t size() const { return size_; }
@@ -35,7 +32,7 @@ class LcmLog {
   bool read(LogEvent* event);
 
   std::ifstream file_;
-  std::int64_t size_ = 0, next_ = 0, offset_ = 0, skipped_ = 0;
+  std::int64_t size_ = 0, next_ = 0, skipped_ = 0;
 };
 
 }  // namespace swarm
