@@ -57,6 +57,7 @@ bool LcmLog::read(LogEvent* event) {
   if (number(fields.first(4)) != kSync || channel < 1 || channel > kMaxChannel || data > kMaxBytes ||
       from + static_cast<std::int64_t>(kHeader + channel + data) > size_)
     return false;
+  event->offset = from;
   event->utime = static_cast<std::int64_t>(number(fields.subspan(12, 8)));
   event->channel.resize(channel);
   event->bytes.resize(data);

@@ -13,6 +13,7 @@ struct LogEvent {
   std::int64_t utime = 0;  // when it was recorded [us since epoch]
   std::string channel;
   std::vector<std::uint8_t> bytes;
+  std::int64_t offset = 0;  // in the file, where it begins
 };
 
 class LcmLog {
@@ -24,6 +25,8 @@ class LcmLog {
 
   // The next event in the file's order; false: there is none.
   bool next(LogEvent* event);
+  // The same from an event's offset on.
+  void go_to(std::int64_t offset) { next_ = offset; }
   // Bytes that were no events, so far.
   std::int64_t skipped() const { return skipped_; }
   std::int64_t size() const { return size_; }

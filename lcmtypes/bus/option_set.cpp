@@ -146,13 +146,13 @@ OptionSet::OptionSet(std::string program, std::string usage) : program_(std::mov
 
 void OptionSet::add(const std::string& name, double* value, double low, double high, const std::string& unit,
                     const std::string& help) {
-  entries_.push_back({name, unit, help, range(low, high, unit), false, number_setter(value, low, high),
+  entries_.push_back({name, unit, help, range(low, high, unit), false, false, number_setter(value, low, high),
                       [value] { return format(*value); }});
 }
 
 void OptionSet::add(const std::string& name, int* value, int low, int high, const std::string& unit,
                     const std::string& help) {
-  entries_.push_back({name, unit, help, "a whole number " + range(low, high, unit), false,
+  entries_.push_back({name, unit, help, "a whole number " + range(low, high, unit), false, false,
                       number_setter(value, low, high), [value] { return format(*value); }});
 }
 
@@ -164,7 +164,7 @@ void OptionSet::add(const std::string& name, Eigen::Vector3d* value, double low,
     if (good) *value = Eigen::Vector3d::Map(numbers->data());
     return good;
   };
-  entries_.push_back({name, "x,y,z", help, "three numbers x,y,z, each " + range(low, high, unit), false, set,
+  entries_.push_back({name, "x,y,z", help, "three numbers x,y,z, each " + range(low, high, unit), false, false, set,
                       [value] { return format_list(*value); }});
 }
 
@@ -175,7 +175,7 @@ void OptionSet::add(const std::string& name, std::vector<int>* value, int low, i
     return numbers.has_value();
   };
   entries_.push_back({name, "i,j,...", help, "whole numbers separated by commas, each " + range(low, high, ""), false,
-                      set, [value] { return format_list(*value); }});
+                      false, set, [value] { return format_list(*value); }});
 }
 
 void OptionSet::add(const std::string& name, std::string* value, const std::string& help,
@@ -186,7 +186,7 @@ void OptionSet::add(const std::string& name, std::string* value, const std::stri
     *value = text;
     return true;
   };
-  entries_.push_back({name, "text", help, "", false, set, [value] { return *value; }});
+  entries_.push_back({name, "text", help, "", false, false, set, [value] { return *value; }});
 }
 
 void OptionSet::add(const std::string& name, bool* value, const std::string& help) {
@@ -194,7 +194,8 @@ void OptionSet::add(const std::string& name, bool* value, const std::string& hel
     *value = text == "true";
     return text == "true" || text == "false";
   };
-  entries_.push_back({name, "bool", help, "true or false", false, set, [value] { return *value ? "true" : "false"; }});
+  entries_.push_back(
+      {name, "bool", help, "true or false", false, false, set, [value] { return *value ? "true" : "false"; }});
 }
 
 void OptionSet::add_positional(const std::string& name, std::string* value, const std::string& help) {
@@ -202,7 +203,15 @@ void OptionSet::add_positional(const std::string& name, std::string* value, cons
     *value = text;
     return !text.empty();
   };
-  entries_.push_back({name, "", help, "not empty", true, set, [value] { return *value; }});
+  entries_.push_back({name, "", help, "not empty", true, false, set, [value] { return *value; }});
+}
+
+void OptionSet::add_positional(const std::string& name, std::vector<std::string>* values, const std::string& help) {
+  const auto add = [values](const std::string& text) {
+    values->push_back(text);
+    return !text.empty();
+  };
+  entries_.push_back({name, "", help, "not empty", true, true, add, [] { return std::string(); }});
 }
 
 void OptionSet::assign(const Entry& entry, const std::string& text, const std::string& where) {
@@ -223,7 +232,7 @@ void OptionSet::print_help(const std::string& option_table, std::ostream& out) c
   std::string arguments, explained;
   for (const Entry& entry : entries_) {
     if (!entry.positional) continue;
-    arguments += " " + entry.name;
+    arguments += entry.repeated ? " [" + entry.name + "...]" : " " + entry.name;
     explained += "  " + entry.name + ": " + entry.help + "\n";
   }
   out << "Usage: " << program_ << " [options]" << arguments << "\n" << usage_ << "\n" << explained << option_table;
@@ -268,7 +277,7 @@ OptionSet::Parsed OptionSet::parse(int argc, const char* const* argv, std::ostre
     }
     if (next_argument == entries_.end()) throw OptionError("unexpected argument '" + text + "' (see --help)");
     assign(*next_argument, text, next_argument->name + " '" + text + "'");
-    next_argument = std::find_if(next_argument + 1, entries_.end(), is_positional);
+    if (!next_argument->repeated) next_argument = std::find_if(next_argument + 1, entries_.end(), is_positional);
   }
   if (find(command_line, "print-config") != nullptr) {
     for (const Entry& entry : entries_) {
@@ -276,7 +285,7 @@ OptionSet::Parsed OptionSet::parse(int argc, const char* const* argv, std::ostre
     }
     return Parsed::kExit;
   }
-  if (next_argument != entries_.end())
+  if (next_argument != entries_.end() && !next_argument->repeated)
     throw OptionError("argument " + next_argument->name + " is missing (see --help)");
   return Parsed::kRun;
 }

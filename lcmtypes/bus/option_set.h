@@ -40,6 +40,8 @@ class OptionSet {
   void add(const std::string& name, bool* value, const std::string& help);  // true/false
   // A positional argument, required.
   void add_positional(const std::string& name, std::string* value, const std::string& help);
+  // Any number of positional arguments, none as well; after all others.
+  void add_positional(const std::string& name, std::vector<std::string>* values, const std::string& help);
 
   // Command line wins over --config FILE wins over defaults. Unknown names, repeated or malformed values throw
   // OptionError. --help and --print-config go to `out`; the latter prints a valid config file.
@@ -48,7 +50,7 @@ class OptionSet {
  private:
   struct Entry {
     std::string name, unit, help, rule;
-    bool positional = false;
+    bool positional = false, repeated = false;
     std::function<bool(const std::string&)> set;  // false: against the rule; OptionError: against a check
     std::function<std::string()> get;
   };

@@ -1,0 +1,133 @@
+#include "tools/viewer/live_source.h"
+
+#include <cmath>
+#include <stdexcept>
+
+#include "lcmtypes/bus/channels.h"
+#include "lcmtypes/bus/header_source.h"
+
+namespace swarm {
+namespace {
+
+constexpr std::int64_t kStep_us = 50'000;
+constexpr int kRepeatGoal = 5;          // times, for a bus may lose it
+constexpr double kMaxPosition_m = 1e5;  // as on the wire
+constexpr double kOldMessages_s = 5.0;  // then the log's time is meant, not the clock's
+constexpr std::int64_t kLately_us = 1'000'000;
+
+}  // namespace
+
+// On one bus.
+class LiveSource::Listener : public Node {
+ public:
+  Listener(LiveSource* source, BusId bus, int robot, std::string url)
+      : source_(source), bus_(bus), robot_(robot), url_(std::move(url)) {}
+
+  std::vector<Subscription> subscriptions() const override {
+    if (bus_ == BusId::kSwarm) return {{bus_, channel::kTrajectory}};
+    std::vector<Subscription> all;
+    for (const char* name : {channel::kRobotState, channel::kObstacles, channel::kGoal, channel::kSogm,
+                             channel::kOwnTrajectory, channel::kPeerTrajectory, channel::kCorridors,
+                             channel::kMapStatus, channel::kPlannerStatus, channel::kBroadcastStatus})
+      all.push_back({bus_, name});
+    return all;
+  }
+
+  void on_message(std::int64_t now_us, BusId, std::string_view name, std::span<const std::uint8_t> bytes,
+                  Outbox&) override {
+    source_->clock_offset_us_ = now_us - wall_utime();
+    (void)source_->picture_.add(now_us, name, bytes);
+    ++messages_;
+  }
+
+  std::int64_t step(std::int64_t now_us, Outbox& outbox) override {
+    if (repeat_goal_ > 0 && now_us >= next_goal_us_) {
+      --repeat_goal_;
+      next_goal_us_ = now_us + kStep_us;
+      goal_.header = headers_->next(now_us);
+      outbox.publish(bus_, channel::kGoal, goal_);
+    }
+    return now_us + kStep_us;
+  }
+
+  // The newest goal wins, by the time its sender started.
+  void send_goal(const Eigen::Vector3d& position) {
+    if (!headers_) headers_.emplace(robot_, static_cast<std::int32_t>(wall_utime() / 1'000'000));
+    Eigen::Map<Eigen::Vector3d>(goal_.position) = position;
+    repeat_goal_ = kRepeatGoal;
+  }
+
+  int robot() const { return robot_; }  // -1: the swarm bus
+  const std::string& url() const { return url_; }
+  std::int64_t messages() const { return messages_; }
+
+ private:
+  LiveSource* source_;
+  BusId bus_;
+  int robot_;
+  std::string url_;
+  std::int64_t messages_ = 0;
+  std::optional<HeaderSource> headers_;
+  sogm_swarm::goal_t goal_{};
+  int repeat_goal_ = 0;
+  std::int64_t next_goal_us_ = 0;
+};
+
+class LiveSource::View : public PictureSource {
+ public:
+  explicit View(LiveSource* source) : source_(source) {}
+
+  Moment now() override { return {source_->picture_, wall_utime() + source_->clock_offset_us_}; }
+
+  Json describe() override {
+    Json buses = Json::array();
+    for (const auto& listener : source_->listeners_)
+      buses.push_back({{"url", listener->url()}, {"messages", listener->messages()}});
+    Json all = {{"mode", "live"}, {"buses", buses}, {"allow_goals", source_->options_.allow_goals}};
+    const SwarmPicture& picture = source_->picture_;
+    if (picture.newest_came_us() > now().utime - kLately_us && std::abs(picture.newest_age_s()) > kOldMessages_s) {
+      all["warning"] = "The messages are " + std::to_string(std::lround(picture.newest_age_s())) +
+                       " s old: a log that is played again? Then start with --replay true.";
+    }
+    return all;
+  }
+
+  void control(const Json& command) override {
+    if (!command.contains("goal")) throw std::runtime_error("only a log can be played");
+    const Json& goal = command["goal"];
+    const auto position = goal.at("position").get<std::array<double, 3>>();
+    source_->send_goal(goal.at("robot").get<int>(), Eigen::Vector3d(position.data()));
+  }
+
+ private:
+  LiveSource* source_;
+};
+
+LiveSource::LiveSource(const Options& options, RealtimeHost* host) : options_(options) {
+  const HostClock clock{options.replay ? TimeSource::kMessages : TimeSource::kClock, 0};
+  const std::string swarm = "udpm://239.255.76.68:" + std::to_string(options.base_port) + "?ttl=0";
+  listeners_.push_back(std::make_unique<Listener>(this, BusId::kSwarm, -1, swarm));
+  host->add("view", *listeners_.back(), "", swarm, clock);
+  for (const int robot : options.onboard) {
+    const std::string onboard = "udpm://239.255.76.67:" + std::to_string(options.base_port + 33 + robot) + "?ttl=0";
+    listeners_.push_back(std::make_unique<Listener>(this, BusId::kOnboard, robot, onboard));
+    host->add("view", *listeners_.back(), onboard, "", clock);
+  }
+}
+
+LiveSource::~LiveSource() = default;
+
+std::unique_ptr<PictureSource> LiveSource::view() {
+  return std::make_unique<View>(this);
+}
+
+void LiveSource::send_goal(int robot, const Eigen::Vector3d& position) {
+  if (!options_.allow_goals) throw std::runtime_error("goals are not allowed: start with --allow-goals true");
+  if (!(position.array().abs() <= kMaxPosition_m).all())
+    throw std::runtime_error("goal: each coordinate must be within +-1e5 m");
+  for (const auto& listener : listeners_)
+    if (listener->robot() == robot && robot >= 0) return listener->send_goal(position);
+  throw std::runtime_error("goal: robot " + std::to_string(robot) + "'s onboard bus is not listened to (--onboard)");
+}
+
+}  // namespace swarm

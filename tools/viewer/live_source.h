@@ -1,0 +1,43 @@
+// The buses as they are: listens to those of any number of robots and to the one between them, and sends goals.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "lcmtypes/bus/realtime_host.h"
+#include "tools/viewer/picture_source.h"
+
+namespace swarm {
+
+class LiveSource {
+ public:
+  struct Options {
+    int base_port = 7667;                     // of the swarm bus; robot k's onboard bus is this + 33 + k
+    std::vector<int> onboard = {0, 1, 2, 3};  // robots whose onboard buses are on this computer
+    bool replay = false;                      // messages are of another time
+    bool allow_goals = false;
+  };
+
+  // Puts its listeners on the buses of `host`, which must outlive it. Throws what RealtimeHost::add throws.
+  LiveSource(const Options& options, RealtimeHost* host);
+  ~LiveSource();
+
+  // For one browser; all of them see the same picture. Must not outlive this.
+  std::unique_ptr<PictureSource> view();
+
+ private:
+  class Listener;
+  class View;
+
+  // Sends it until the robot's planner has certainly heard it.
+  void send_goal(int robot, const Eigen::Vector3d& position);
+
+  Options options_;
+  SwarmPicture picture_;
+  std::int64_t clock_offset_us_ = 0;  // of the messages, when they are replayed
+  std::vector<std::unique_ptr<Listener>> listeners_;
+};
+
+}  // namespace swarm

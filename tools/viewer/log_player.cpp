@@ -1,0 +1,137 @@
+#include "tools/viewer/log_player.h"
+
+#include <algorithm>
+#include <map>
+#include <stdexcept>
+#include <tuple>
+
+#include "lcmtypes/bus/channels.h"
+
+namespace swarm {
+namespace {
+
+constexpr std::int64_t kBefore_us = 1'000'000;  // all of the last second is read, for rates
+constexpr double kMinSpeed = 0.01, kMaxSpeed = 100.0;
+
+// Where every message has its robot, and a map its part.
+constexpr std::size_t kRobotAt = 14, kPartAt = 68;
+
+int short_at(std::size_t at, const std::vector<std::uint8_t>& bytes) {
+  return bytes.size() < at + 2 ? -1 : bytes[at] << 8 | bytes[at + 1];
+}
+
+}  // namespace
+
+LogIndex::LogIndex(const std::vector<std::string>& paths) : paths_(paths) {
+  std::map<std::tuple<std::string, int, int>, std::uint32_t> kinds;
+  LogEvent event;
+  for (std::uint32_t file = 0; file < paths.size(); ++file) {
+    LcmLog log(paths[file]);
+    const std::size_t before = entries_.size();
+    while (log.next(&event)) {
+      const int part = event.channel == channel::kSogm ? short_at(kPartAt, event.bytes) : 0;
+      const auto kind = kinds.try_emplace({event.channel, short_at(kRobotAt, event.bytes), part},
+                                          static_cast<std::uint32_t>(kinds.size()));
+      entries_.push_back({event.utime, event.offset, kind.first->second, file});
+    }
+    if (entries_.size() == before) {
+      throw std::runtime_error(paths[file] + ": holds no LCM events (" + std::to_string(log.size()) + " bytes)");
+    }
+    skipped_ += log.skipped();
+  }
+  if (entries_.empty()) throw std::runtime_error("a log must be given");
+  std::stable_sort(entries_.begin(), entries_.end(), [](const Entry& a, const Entry& b) { return a.utime < b.utime; });
+  by_kind_.resize(kinds.size());
+  for (std::size_t i = 0; i < entries_.size(); ++i) by_kind_[entries_[i].kind].push_back(static_cast<std::uint32_t>(i));
+}
+
+LogPlayer::LogPlayer(const LogIndex& index) : index_(index) {
+  for (const std::string& path : index.paths()) logs_.emplace_back(path);
+  shown_us_ = index.begin_us();
+  set_from(index.begin_us());
+}
+
+std::int64_t LogPlayer::wanted_us() const {
+  if (!playing_) return from_us_;
+  const auto passed = std::chrono::duration_cast<std::chrono::microseconds>(Clock::now() - since_);
+  const auto ahead = static_cast<std::int64_t>(speed_ * static_cast<double>(passed.count()));
+  return std::clamp(from_us_ + ahead, index_.begin_us(), index_.end_us());
+}
+
+void LogPlayer::set_from(std::int64_t utime) {
+  from_us_ = std::clamp(utime, index_.begin_us(), index_.end_us());
+  since_ = Clock::now();
+}
+
+void LogPlayer::feed(std::size_t entry) {
+  const LogIndex::Entry& from = index_.entries()[entry];
+  LcmLog& log = logs_[from.file];
+  log.go_to(from.offset);
+  if (log.next(&event_)) (void)picture_.add(from.utime, event_.channel, event_.bytes);
+}
+
+// The newest of every kind from before the last second, then all of that second.
+void LogPlayer::go_back_to(std::int64_t utime) {
+  picture_.clear();
+  const auto& entries = index_.entries();
+  const auto first = std::lower_bound(entries.begin(), entries.end(), utime - kBefore_us,
+                                      [](const LogIndex::Entry& entry, std::int64_t t) { return entry.utime < t; });
+  next_ = static_cast<std::size_t>(first - entries.begin());
+  std::vector<std::uint32_t> newest;
+  for (const std::vector<std::uint32_t>& kind : index_.by_kind()) {
+    const auto after = std::lower_bound(kind.begin(), kind.end(), next_);
+    if (after != kind.begin()) newest.push_back(*(after - 1));
+  }
+  std::sort(newest.begin(), newest.end());
+  for (const std::uint32_t entry : newest) feed(entry);
+}
+
+PictureSource::Moment LogPlayer::now() {
+  const std::int64_t wanted = wanted_us();
+  if (wanted < shown_us_ || wanted > shown_us_ + 2 * kBefore_us) go_back_to(wanted);
+  while (next_ < index_.entries().size() && index_.entries()[next_].utime <= wanted) feed(next_++);
+  shown_us_ = wanted;
+  if (playing_ && wanted == index_.end_us()) {
+    playing_ = false;
+    set_from(wanted);
+  }
+  return {picture_, shown_us_};
+}
+
+Json LogPlayer::describe() {
+  const auto seconds = [this](std::int64_t utime) { return 1e-6 * static_cast<double>(utime - index_.begin_us()); };
+  return {{"mode", "log"},
+          {"names", index_.paths()},
+          {"damaged_bytes", index_.skipped()},
+          {"length_s", seconds(index_.end_us())},
+          {"at_s", seconds(shown_us_)},
+          {"playing", playing_},
+          {"speed", speed_}};
+}
+
+void LogPlayer::control(const Json& command) {
+  if (command.contains("goal")) throw std::runtime_error("a log cannot be given goals");
+  if (command.contains("seek")) {
+    const double seek_s = command["seek"].get<double>();
+    const double length_s = 1e-6 * static_cast<double>(index_.end_us() - index_.begin_us());
+    if (!(seek_s >= 0.0 && seek_s <= length_s)) {
+      throw std::runtime_error("seek " + std::to_string(seek_s) + " s: must be within [0, " + std::to_string(length_s) +
+                               "]");
+    }
+    set_from(index_.begin_us() + static_cast<std::int64_t>(1e6 * seek_s));
+  }
+  if (command.contains("speed")) {
+    const double speed = command["speed"].get<double>();
+    if (!(speed >= kMinSpeed && speed <= kMaxSpeed))
+      throw std::runtime_error("speed " + std::to_string(speed) + ": must be within [0.01, 100]");
+    set_from(wanted_us());
+    speed_ = speed;
+  }
+  if (command.contains("play")) {
+    const bool play = command["play"].get<bool>();
+    set_from(play && wanted_us() == index_.end_us() ? index_.begin_us() : wanted_us());
+    playing_ = play;
+  }
+}
+
+}  // namespace swarm

@@ -1,0 +1,133 @@
+#include "tools/viewer/swarm_picture.h"
+
+#include <cmath>
+#include <utility>
+
+#include "lcmtypes/bus/channels.h"
+
+namespace swarm {
+
+using namespace sogm_swarm;
+
+namespace {
+
+constexpr std::int64_t kSecond_us = 1'000'000;
+constexpr std::int64_t kStateAge_us = 500'000;  // older measurements give way to what the robot flies
+
+bool within(std::int64_t span_us, std::int64_t now_us, std::int64_t then_us) {
+  return std::abs(now_us - then_us) <= span_us;  // clocks may jump back
+}
+
+}  // namespace
+
+bool Traffic::is_news(std::int64_t now_us, const header_t& header) const {
+  return heard_ == 0 || !is_fresh(now_us) || std::pair(header.boot, header.seq) > std::pair(boot_, seq_);
+}
+
+void Traffic::count(std::int64_t now_us, const header_t& header) {
+  if (header.boot == boot_ && header.seq > seq_) missing_ += header.seq - seq_ - 1;
+  if (header.boot != boot_ || header.seq < seq_) missing_ = heard_ = 0;  // it has started again, or a log has
+  boot_ = header.boot;
+  seq_ = header.seq;
+  newest_us_ = now_us;
+  ++heard_;
+  while (!arrivals_.empty() && (!within(kSecond_us, now_us, arrivals_.front()) || arrivals_.size() >= kMost))
+    arrivals_.pop_front();
+  arrivals_.push_back(now_us);
+}
+
+double Traffic::rate_hz(std::int64_t now_us) const {
+  return static_cast<double>(std::count_if(arrivals_.begin(), arrivals_.end(), [now_us](std::int64_t arrival) {
+    return within(kSecond_us, now_us, arrival);
+  }));
+}
+
+bool Traffic::is_fresh(std::int64_t now_us) const {
+  return heard_ > 0 && within(kSecond_us, now_us, newest_us_);
+}
+
+std::optional<Eigen::Vector3d> RobotPicture::position(std::int64_t now_us) const {
+  if (state && within(kStateAge_us, now_us, state->header.utime)) return Eigen::Vector3d(state->position);
+  if (!motion.committed.empty()) return motion.at(now_us).position;
+  return state ? std::optional(Eigen::Vector3d(state->position)) : std::nullopt;
+}
+
+template <class T, class Take>
+Refusal SwarmPicture::take(std::int64_t now_us, std::string_view channel, std::span<const std::uint8_t> bytes,
+                           const Take& take) {
+  T message;
+  if (const Refusal refusal = decode(bytes, &message); refusal != Refusal::kNone) return refusal;
+  const int id = message.header.robot_id;
+  if (!robots_.contains(id) && robots_.size() >= kMaxRobots) return Refusal::kRobot;
+  RobotPicture& robot = robots_[id];
+  Traffic& traffic = robot.traffic.try_emplace(std::string(channel)).first->second;
+  // What comes twice, or late, changes nothing. Parts of a map all have one number: the assembler knows.
+  if (!std::is_same_v<T, sogm_t> && !traffic.is_news(now_us, message.header)) return Refusal::kNone;
+  const bool was_silent = !traffic.is_fresh(now_us);
+  if (was_silent || traffic.is_news(now_us, message.header)) traffic.count(now_us, message.header);
+  newest_utime_ = message.header.utime;
+  newest_came_us_ = now_us;
+  return take(robot, std::move(message), was_silent);
+}
+
+Refusal SwarmPicture::read(std::int64_t now_us, std::string_view name, std::span<const std::uint8_t> bytes) {
+  const auto keep = [&]<class T>(std::optional<T> RobotPicture::*place) {
+    return take<T>(now_us, name, bytes, [place](RobotPicture& robot, T message, bool) {
+      robot.*place = std::move(message);
+      return Refusal::kNone;
+    });
+  };
+  if (name == channel::kTrajectory || name == channel::kOwnTrajectory || name == channel::kPeerTrajectory) {
+    return take<announcement_t>(now_us, name, bytes,
+                                [now_us](RobotPicture& robot, const announcement_t& message, bool) {
+                                  if (!robot.announcements.is_news(now_us, message.header))
+                                    return Refusal::kNone;  // it came another way as well
+                                  robot.announcements.count(now_us, message.header);
+                                  robot.radius_m = message.radius;
+                                  read_announcement(message, &robot.motion, &robot.announced);
+                                  return Refusal::kNone;
+                                });
+  }
+  if (name == channel::kSogm) {
+    return take<sogm_t>(now_us, name, bytes, [](RobotPicture& robot, const sogm_t& part, bool was_silent) {
+      if (!robot.assembler_ || was_silent) robot.assembler_ = std::make_unique<SogmAssembler>();
+      const Assembly assembly = robot.assembler_->add(part, &robot.sogm);
+      if (assembly.status == AssemblyStatus::kComplete) ++robot.num_maps;
+      return assembly.refusal == Refusal::kSequence ? Refusal::kNone : assembly.refusal;
+    });
+  }
+  if (name == channel::kRobotState) return keep(&RobotPicture::state);
+  if (name == channel::kGoal) return keep(&RobotPicture::goal);
+  if (name == channel::kObstacles) return keep(&RobotPicture::obstacles);
+  if (name == channel::kCorridors) return keep(&RobotPicture::corridors);
+  if (name == channel::kMapStatus) return keep(&RobotPicture::map);
+  if (name == channel::kPlannerStatus) return keep(&RobotPicture::planner);
+  if (name == channel::kBroadcastStatus) return keep(&RobotPicture::broadcast);
+  return Refusal::kNone;
+}
+
+Refusal SwarmPicture::add(std::int64_t now_us, std::string_view channel, std::span<const std::uint8_t> bytes) {
+  ++messages_;
+  const Refusal refusal = read(now_us, channel, bytes);
+  if (refusal != Refusal::kNone) refused_.count(refusal);
+  return refusal;
+}
+
+std::map<int, obstacle_t> SwarmPicture::obstacles(std::int64_t now_us) const {
+  std::map<int, obstacle_t> found;
+  std::map<int, std::int64_t> told_us;
+  for (const auto& [id, robot] : robots_) {
+    if (!robot.obstacles || !within(kSecond_us, now_us, robot.obstacles->header.utime)) continue;
+    const std::int64_t utime = robot.obstacles->header.utime;
+    for (const obstacle_t& told : robot.obstacles->obstacles) {
+      if (told_us.contains(told.id) && told_us[told.id] >= utime) continue;
+      told_us[told.id] = utime;
+      obstacle_t& moved = found[told.id] = told;
+      const double ahead_s = told.age_s + 1e-6 * static_cast<double>(now_us - utime);
+      for (int axis = 0; axis < 3; ++axis) moved.position[axis] += ahead_s * told.velocity[axis];
+    }
+  }
+  return found;
+}
+
+}  // namespace swarm

@@ -1,0 +1,93 @@
+// What the buses say of the swarm, for whoever looks: the newest message of every kind from every robot, how often they
+// come and what was refused. Fed by live buses or by a log; it decides nothing.
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <map>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+
+#include "lcmtypes/bus/codec.h"
+#include "map_daemon/sogm_codec.h"
+#include "planner_daemon/trajectory.h"
+
+namespace swarm {
+
+// Messages of one kind from or about one robot.
+class Traffic {
+ public:
+  // Whether the message is newer than what came before by (boot, seq). After a second of silence whatever comes is: a
+  // log may be played again.
+  bool is_news(std::int64_t now_us, const sogm_swarm::header_t& header) const;
+  void count(std::int64_t now_us, const sogm_swarm::header_t& header);
+
+  double rate_hz(std::int64_t now_us) const;  // over the last second
+  double age_s(std::int64_t now_us) const { return 1e-6 * static_cast<double>(now_us - newest_us_); }
+  bool is_fresh(std::int64_t now_us) const;          // heard within the last second
+  std::int64_t missing() const { return missing_; }  // numbers that never came, since the sender's start
+  std::int64_t heard() const { return heard_; }
+
+ private:
+  static constexpr std::size_t kMost = 2000;  // that are counted for the rate
+  std::deque<std::int64_t> arrivals_;         // within the last second before the newest
+  std::int64_t newest_us_ = 0, heard_ = 0, missing_ = 0, seq_ = -1;
+  std::int32_t boot_ = -1;
+};
+
+struct RobotPicture {
+  std::map<std::string, Traffic, std::less<>> traffic;  // by channel
+  double radius_m = 0.0;                                // 0: not known yet
+  Motion motion;                                        // what it is bound to; committed.empty(): not known
+  Trajectory announced;                                 // waits for acknowledgements; empty: none
+  Traffic announcements;                                // on whichever channel they came first
+  std::optional<sogm_swarm::robot_state_t> state;
+  std::optional<sogm_swarm::goal_t> goal;
+  std::optional<sogm_swarm::obstacles_t> obstacles;
+  std::optional<sogm_swarm::corridors_t> corridors;
+  std::optional<sogm_swarm::map_status_t> map;
+  std::optional<sogm_swarm::planner_status_t> planner;
+  std::optional<sogm_swarm::broadcast_status_t> broadcast;
+  Sogm sogm;                  // no frames: none came whole yet
+  std::int64_t num_maps = 0;  // that came whole
+
+  // Where it is: measured, or else by what it flies. Nothing: not known.
+  std::optional<Eigen::Vector3d> position(std::int64_t now_us) const;
+
+ private:
+  friend class SwarmPicture;
+  std::unique_ptr<SogmAssembler> assembler_;
+};
+
+class SwarmPicture {
+ public:
+  static constexpr std::size_t kMaxRobots = 128;  // the first ones heard of; messages about others are refused
+
+  // One message of any channel; of channels that are none of ours nothing is kept. Refusals are
+  // counted; what comes twice or late is none.
+  Refusal add(std::int64_t now_us, std::string_view channel, std::span<const std::uint8_t> bytes);
+  void clear() { *this = SwarmPicture(); }
+
+  const std::map<int, RobotPicture>& robots() const { return robots_; }
+  // Obstacles that were told of within the last second, by whoever told last, moved on to `now_us`.
+  std::map<int, sogm_swarm::obstacle_t> obstacles(std::int64_t now_us) const;
+  std::int64_t messages() const { return messages_; }  // taken or refused
+  const RefusalCounts& refused() const { return refused_; }
+  // How long before it came the content of the newest message was valid [s]: of clocks that differ, or a log.
+  double newest_age_s() const { return 1e-6 * static_cast<double>(newest_came_us_ - newest_utime_); }
+  std::int64_t newest_came_us() const { return newest_came_us_; }  // 0: none came
+
+ private:
+  template <class T, class Take>
+  Refusal take(std::int64_t now_us, std::string_view channel, std::span<const std::uint8_t> bytes, const Take& take);
+  Refusal read(std::int64_t now_us, std::string_view channel, std::span<const std::uint8_t> bytes);
+
+  std::map<int, RobotPicture> robots_;
+  std::int64_t messages_ = 0, newest_utime_ = 0, newest_came_us_ = 0;
+  RefusalCounts refused_;
+};
+
+}  // namespace swarm

@@ -1,0 +1,241 @@
+// The page: takes the frames of the stream, draws them, shows how the daemons are doing, and tells what the user wants.
+"use strict";
+
+const element = (id) => document.getElementById(id);
+const scene = new SwarmScene();
+const wish = { select: null, frame: -1 };  // whose SOGM and corridors, and which frame of it
+let socket = null, frame = null, fps = 0, arrived = [], settingGoal = false, dragging = false, chosen = false, aimed = false, cards = new Map(),
+  cardsDrawn = 0;
+
+function tell(command) {
+  if (socket && socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify(command));
+}
+
+function connect() {
+  socket = new WebSocket("ws://" + location.host + "/stream");
+  socket.binaryType = "arraybuffer";
+  socket.onopen = () => tell(wish);
+  socket.onmessage = (event) => take(event.data);
+  socket.onclose = () => {
+    element("state").textContent = "No connection; trying again ...";
+    setTimeout(connect, 1000);
+  };
+}
+
+// See picture_frame.h for the layout.
+function take(buffer) {
+  const length = new DataView(buffer).getUint32(0, true);
+  frame = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length)));
+  const numbers = (place, Numbers = Float32Array) => new Numbers(buffer, 4 + length + place.at, place.count);
+  const now = performance.now();
+  arrived.push(now);
+  while (arrived[0] < now - 2000) arrived.shift();
+  fps = (arrived.length - 1) / Math.max(1e-3, 1e-3 * (now - arrived[0]));
+
+  scene.setRobots(frame.robots, numbers);
+  if (!aimed && frame.robots.length > 0) {
+    aimed = true;
+    scene.aim(frame.robots.flatMap((robot) => [robot.position, robot.goal].filter(Boolean)));
+  }
+  scene.setObstacles(frame.obstacles);
+  scene.obstacleGroup.visible = element("show-obstacles").checked;
+  if (frame.static_map) scene.walls.set(numbers(frame.static_map.cubes));
+  if (frame.selected === null) scene.forgetSelected();
+  if (frame.sogm) {
+    scene.setSogm(frame.sogm, numbers);
+    element("frame").max = Math.max(0, frame.sogm.num_frames - 1);
+    element("horizon").textContent = "+" + (frame.sogm.num_frames * frame.sogm.frame_duration_s).toFixed(1) + " s";
+  }
+  if (frame.corridors) scene.setCorridors(frame.corridors, numbers);
+  scene.voxels.mesh.visible = element("show-sogm").checked && scene.voxels.count > 0;
+  scene.corridors.visible = element("show-corridors").checked && frame.selected !== null;
+  const followed = frame.robots.find((robot) => robot.id === wish.select);
+  if (element("follow").checked && followed && followed.position) scene.follow(followed.position);
+  if (!chosen) {  // the first robot that has a map
+    const first = frame.robots.find((robot) => robot.has_sogm);
+    if (first) select(first.id);
+  }
+  if (now - cardsDrawn > 200) {
+    cardsDrawn = now;
+    describe();
+  }
+}
+
+function select(id) {
+  chosen = true;
+  wish.select = id;
+  tell(wish);
+  describe();
+}
+
+// How the daemons are doing.
+function describe() {
+  const messages = [frame.warning, frame.error && frame.error.text].filter(Boolean);
+  const heard = frame.robots.length;
+  let state;
+  if (frame.mode === "log") {
+    state = frame.names.length === 1 ? frame.names[0].split("/").pop() : frame.names.length + " logs";
+    if (frame.damaged_bytes > 0) messages.push(frame.damaged_bytes + " bytes of the log are no events.");
+  } else {
+    state = heard ? "live, " + heard + (heard === 1 ? " robot" : " robots") : "live";
+    if (frame.messages === 0) messages.push("Nothing heard yet on " + frame.buses.map((bus) => bus.url.split("?")[0]).join(", "));
+  }
+  if (frame.refused > 0) messages.push(frame.refused + " messages could not be read.");
+  element("state").textContent = state + ", " + fps.toFixed(0) + " frames/s";
+  element("message").textContent = messages.join(" ");
+  element("goal-row").hidden = !frame.allow_goals;
+  element("goal").textContent = settingGoal ? "Click into the scene" : "Set its goal";
+  element("goal").classList.toggle("on", settingGoal);
+  describeChoice();
+  describePlayer();
+  for (const id of [...cards.keys()]) {
+    if (frame.robots.some((robot) => robot.id === id)) continue;
+    cards.get(id).root.remove();
+    cards.delete(id);
+  }
+  for (const robot of frame.robots) describeRobot(robot);
+}
+
+function describeChoice() {
+  const box = element("select"), ids = frame.robots.map((robot) => String(robot.id)), wanted = ["none", ...ids];
+  if ([...box.options].map((option) => option.value).join() !== wanted.join()) {
+    box.replaceChildren(...wanted.map((name) => new Option(name === "none" ? "nobody" : "robot " + name, name)));
+  }
+  box.value = wish.select === null ? "none" : String(wish.select);
+  element("frame-text").textContent = wish.frame < 0 ? "all" : String(wish.frame);
+}
+
+function describePlayer() {
+  element("player").style.display = frame.mode === "log" ? "flex" : "none";
+  if (frame.mode !== "log") return;
+  const slider = element("slider");
+  slider.max = frame.length_s;
+  if (!dragging) slider.value = frame.at_s;
+  element("play").textContent = frame.playing ? "Pause" : "Play";
+  element("time").textContent = frame.at_s.toFixed(2) + " / " + frame.length_s.toFixed(2) + " s";
+}
+
+const counts = (what) => Object.entries(what).map(([name, count]) => name + " " + count).join(", ");
+
+// Rows of a robot's table: name, text, whether it is bad.
+function rows(robot) {
+  const all = [];
+  const { planner, map, broadcast } = robot;
+  if (planner) {
+    all.push(["plans", planner.rate_hz.toFixed(1) + " /s, " + planner.outcome, planner.outcome === "unsafe"]);
+    if (planner.total_ms > 0) all.push(["planning", planner.total_ms.toFixed(2) + " ms", false]);
+    if (planner.missed > 0) all.push(["maps missed", planner.missed, false]);
+  }
+  if (map) all.push(["map", map.rate_hz.toFixed(1) + " /s" + (map.build_ms > 0 ? ", " + map.build_ms.toFixed(2) + " ms" : ""), false]);
+  if (broadcast) {
+    all.push(["commits", broadcast.commits + " of " + broadcast.candidates, false]);
+    if (broadcast.forced > 0) all.push(["forced", broadcast.forced, true]);
+    if (Object.keys(broadcast.rejected).length > 0) all.push(["rejected", counts(broadcast.rejected), false]);
+    all.push(["peers", broadcast.peers_heard + ", oldest " + broadcast.max_age_ms.toFixed(0) + " ms", false]);
+    if (broadcast.lost > 0) all.push(["lost", broadcast.lost + " announcements", false]);
+    if (Math.abs(broadcast.max_clock_offset_ms) > 5) all.push(["clock", broadcast.max_clock_offset_ms.toFixed(1) + " ms off", true]);
+  }
+  if (robot.announcement_age_s !== undefined) all.push(["announced", robot.announcement_age_s.toFixed(2) + " s ago", robot.announcement_age_s > 0.5]);
+  if (robot.speed !== undefined) all.push(["speed", robot.speed.toFixed(2) + " m/s", false]);
+  for (const [daemon, status] of [["map", map], ["planner", planner], ["broadcast", broadcast]]) {
+    if (status && Object.keys(status.refused).length > 0) all.push([daemon + " refused", counts(status.refused), true]);
+  }
+  return all;
+}
+
+// The first thing that is not as it should be.
+function health(robot) {
+  const { planner, map, broadcast, traffic } = robot;
+  for (const [daemon, status, channel] of [["map", map, "MAP_STATUS"], ["planner", planner, "PLANNER_STATUS"], ["broadcast", broadcast, "BROADCAST_STATUS"]]) {
+    if (status && traffic[channel] && traffic[channel].age_s > 2.5) return daemon + " daemon silent";
+  }
+  if (broadcast && broadcast.state !== "flying") return broadcast.state;
+  if (map && map.state !== "running") return map.state;
+  if (planner && planner.state !== "planning") return planner.state;
+  return "";
+}
+
+function describeRobot(robot) {
+  let card = cards.get(robot.id);
+  if (!card) {
+    card = { root: document.createElement("div"), name: document.createElement("b"), health: document.createElement("span"), table: document.createElement("table") };
+    card.root.className = "robot";
+    card.root.style.borderLeftColor = robotColor(robot.id);
+    card.name.textContent = "Robot " + robot.id;
+    card.health.className = "health";
+    card.root.append(card.name, card.health, card.table);
+    card.root.onclick = () => select(robot.id);
+    cards.set(robot.id, card);
+    const later = [...cards.keys()].filter((id) => id > robot.id).sort((a, b) => a - b)[0];
+    element("robots").insertBefore(card.root, later === undefined ? null : cards.get(later).root);
+  }
+  const trouble = health(robot);
+  card.health.textContent = trouble || "ok";
+  card.health.classList.toggle("bad", trouble !== "");
+  card.root.classList.toggle("selected", robot.id === wish.select);
+  const shown = rows(robot);
+  while (card.table.rows.length > shown.length) card.table.deleteRow(-1);
+  while (card.table.rows.length < shown.length) {
+    const row = card.table.insertRow();
+    row.insertCell();
+    row.insertCell();
+  }
+  shown.forEach(([name, text, bad], i) => {
+    card.table.rows[i].cells[0].textContent = name;
+    card.table.rows[i].cells[1].textContent = text;
+    card.table.rows[i].cells[1].classList.toggle("bad", bad);
+  });
+}
+
+element("select").onchange = (event) => select(event.target.value === "none" ? null : Number(event.target.value));
+element("frame").oninput = (event) => {
+  wish.frame = Number(event.target.value);
+  tell(wish);
+  describeChoice();
+};
+element("slider").oninput = (event) => {
+  dragging = true;
+  tell({ seek: Math.min(Number(event.target.value), frame.length_s) });
+};
+element("slider").onchange = () => { dragging = false; };
+element("play").onclick = () => tell({ play: !frame.playing });
+element("speed").onchange = (event) => tell({ speed: Number(event.target.value) });
+element("goal").onclick = (event) => {
+  event.preventDefault();
+  settingGoal = !settingGoal;
+  describe();
+};
+scene.renderer.domElement.addEventListener("click", (event) => {
+  if (!settingGoal || wish.select === null) return;
+  const point = scene.pointAt(event.clientX, event.clientY, Number(element("height").value));
+  if (point) tell({ goal: { robot: wish.select, position: point.toArray() } });
+  settingGoal = false;
+  describe();
+});
+
+// What is on the screen, for tests.
+window.shown = () => ({
+  utime: frame && frame.utime,
+  mode: frame && frame.mode,
+  at_s: frame && frame.at_s,
+  fps: fps,
+  robots: [...scene.robots].filter(([, robot]) => robot.body.visible).map(([id, robot]) => ({
+    id: id, position: robot.body.position.toArray(), goal: robot.goal.visible ? robot.goal.position.toArray() : null,
+    trajectory: robot.lines.committed.visible,
+  })),
+  obstacles: scene.obstacles.size,
+  voxels: scene.voxels.mesh.visible ? scene.voxels.count : 0,
+  corridors: scene.corridors.visible ? scene.edges.geometry.attributes.position.count / 2 : 0,
+  walls: scene.walls.count,
+  selected: wish.select,
+  state: element("state").textContent,
+  message: element("message").textContent,
+  cards: [...cards.values()].map((card) => card.root.innerText),
+  memory: { ...scene.renderer.info.memory },
+});
+
+(function animate() {
+  requestAnimationFrame(animate);
+  scene.draw();
+})();
+connect();

@@ -1,0 +1,57 @@
+#include "tools/viewer/viewer.h"
+
+#include <stdexcept>
+
+namespace swarm {
+
+Viewer::Viewer(std::unique_ptr<PictureSource> source, const OccupiedCubes* static_map)
+    : source_(std::move(source)), static_map_(static_map) {}
+
+void Viewer::on_message(std::string_view text) {
+  try {
+    const Json command = Json::parse(text);
+    if (!command.is_object()) throw std::runtime_error("a command must be a JSON object");
+    obey(command);
+  } catch (const std::exception& error) {
+    error_ = error.what();
+    ++num_errors_;
+  }
+}
+
+void Viewer::obey(const Json& command) {
+  const bool chooses = command.contains("select") || command.contains("frame");
+  if (command.contains("select")) selected_ = command["select"].is_null() ? -1 : command["select"].get<int>();
+  if (command.contains("frame")) frame_ = command["frame"].get<int>();
+  if (chooses) sogm_sent_ = corridors_sent_ = -1;
+  if (!chooses || command.size() > 2) source_->control(command);
+}
+
+void Viewer::next_frame(std::vector<std::uint8_t>* bytes) {
+  writer_.clear();
+  const auto& [picture, utime] = source_->now();
+  Json text = source_->describe();
+  text["utime"] = utime;
+  text["messages"] = picture.messages();
+  text["refused"] = picture.refused().total();
+  text["robots"] = robots_json(picture, utime, &writer_);
+  text["obstacles"] = obstacles_json(picture, utime);
+  if (num_errors_ > 0) text["error"] = {{"number", num_errors_}, {"text", error_}};
+  if (static_map_ != nullptr && !static_map_sent_) {
+    text["static_map"] = static_map_json(*static_map_, &writer_);
+    static_map_sent_ = true;
+  }
+  if (const auto found = picture.robots().find(selected_); found != picture.robots().end()) {
+    const RobotPicture& robot = found->second;
+    text["selected"] = selected_;
+    if (robot.num_maps != sogm_sent_) text["sogm"] = sogm_json(robot.sogm, frame_, &writer_);
+    sogm_sent_ = robot.num_maps;
+    const std::int64_t corridors = robot.corridors ? robot.corridors->header.seq : 0;
+    if (corridors != corridors_sent_) text["corridors"] = corridors_json(robot, &writer_);
+    corridors_sent_ = corridors;
+  } else {
+    text["selected"] = nullptr;
+  }
+  writer_.finish(text, bytes);
+}
+
+}  // namespace swarm
