@@ -57,6 +57,23 @@ TEST(LcmLog, GivesWhatLcmWrote) {
   EXPECT_EQ(log.skipped(), 0);
 }
 
+TEST(LcmLog, GoesToAnyEvent) {
+  const TemporaryDirectory directory;
+  const auto all = write_log(directory / "log.lcm", 100);
+  LcmLog log(directory / "log.lcm");
+  std::vector<std::int64_t> offsets;
+  LogEvent event;
+  while (log.next(&event)) offsets.push_back(event.offset);
+  ASSERT_EQ(offsets.size(), all.size());
+  for (const std::size_t i : {99, 0, 50, 51, 3}) {
+    log.go_to(offsets[i]);
+    ASSERT_TRUE(log.next(&event));
+    expect_same(event, all[i]);
+    EXPECT_EQ(event.offset, offsets[i]);
+  }
+  EXPECT_EQ(log.skipped(), 0);
+}
+
 // What is damaged costs the event it is in, what stands between events the one before.
 TEST(LcmLog, GoesOnAfterDamage) {
   const TemporaryDirectory directory;

@@ -72,6 +72,26 @@ std::string config_error(const std::string& text) {
   return error.substr(std::min(prefix.size(), error.size()));
 }
 
+TEST(OptionSet, TakesAnyNumberOfLastArguments) {
+  const auto logs_of = [](std::vector<const char*> words) {
+    Config config;
+    std::vector<std::string> logs;
+    OptionSet options = options_of(config);
+    options.add_positional("WORLD", &config.world, "world file");
+    options.add_positional("LOG", &logs, "log file");
+    words.insert(words.begin(), "tester");
+    std::ostringstream out;
+    options.parse(static_cast<int>(words.size()), words.data(), out);
+    logs.insert(logs.begin(), config.world);
+    return logs;
+  };
+  using Words = std::vector<std::string>;
+  EXPECT_EQ(logs_of({"city.json"}), (Words{"city.json"}));
+  EXPECT_EQ(logs_of({"city.json", "a.lcm", "--threads", "3", "b.lcm"}), (Words{"city.json", "a.lcm", "b.lcm"}));
+  EXPECT_THROW(logs_of({}), OptionError);
+  EXPECT_THROW(logs_of({"city.json", ""}), OptionError);
+}
+
 TEST(OptionSet, ReadsEveryKind) {
   const Outcome outcome = run({"--resolution", "0.25", "--threads=3", "--window", "1,2.5, 3e1", "--peers", "7,0,32767",
                                "--map-file", "a b.bt", "--noise", "true"});

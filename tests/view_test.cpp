@@ -1,5 +1,5 @@
 // The view as a program: its page, its stream, and what a real browser shows of a real flight.
-#include <set>
+#include <octomap/OcTree.h>
 
 #include "lcmtypes/bus/channels.h"
 #include "lcmtypes/bus/lcm_bus.h"
@@ -141,6 +141,62 @@ TEST(View, ShowsWhatTheBusesSayAndThatTheyAreSilent) {
   EXPECT_GT((*frame->robot(1))["traffic"]["ROBOT_STATE"]["rate_hz"], 10.0);
   EXPECT_GT(frame->text["refused"], 40) << "damaged messages are counted";
   EXPECT_FALSE(frame->text.contains("warning"));
+}
+
+TEST(View, LaptopBesideTheRobotsShowsWhatTheyAnnounce) {
+  View view({"--onboard", ""});
+  Watcher watcher(view.port());
+  EXPECT_EQ(watcher.next().text["buses"].size(), 1u);
+  LcmBus swarm_bus("udpm://239.255.76.68:" + std::to_string(base_port()) + "?ttl=0");
+  sogm_swarm::announcement_t announcement{};
+  announcement.radius = 0.2f;
+  announcement.least_delay_us = sogm_swarm::announcement_t::kUnknown;
+  std::int64_t seq = 0;
+  const auto frame = watcher.until([&](const ViewFrame& seen) {
+    announcement.header = make_header(5, 1, ++seq, wall_utime());
+    announcement.committed = Trajectory::hover(1, wall_utime(), {3.0, -4.0, 1.5}).to_wire();
+    EXPECT_TRUE(swarm_bus.publish(channel::kTrajectory, encoded(announcement)));
+    return seen.robot(5) != nullptr;
+  });
+  ASSERT_TRUE(frame);
+  EXPECT_EQ((*frame->robot(5))["position"], WebJson({3.0, -4.0, 1.5}));
+}
+
+TEST(View, SendsTheStaticMapOnceAndMapsWhenTheyChange) {
+  TemporaryDirectory out;
+  fly(out.path());
+  octomap::OcTree tree(0.5);
+  for (const double x : {0.25, 2.25, 4.25})
+    tree.updateNode(octomap::point3d(static_cast<float>(x), 0.25f, 0.25f), true);
+  ASSERT_TRUE(tree.writeBinary(out / "walls.bt"));
+  View view({out / "robot0.lcm", out / "robot1.lcm", out / "swarm.lcm", "--static-map", out / "walls.bt"});
+  Watcher watcher(view.port());
+  const ViewFrame first = watcher.next();
+  ASSERT_TRUE(first.text.contains("static_map"));
+  const std::vector<float> cubes = first.numbers<float>(first.text["static_map"]["cubes"]);
+  ASSERT_EQ(cubes.size(), 12u);
+  EXPECT_EQ(cubes[3], 0.5f);
+  EXPECT_FALSE(first.text.contains("sogm")) << "nobody was chosen";
+  watcher.tell(R"({"select": 1, "seek": 1.5, "play": false})");
+  const auto with_map = watcher.until([](const ViewFrame& frame) { return frame.text.contains("sogm"); });
+  ASSERT_TRUE(with_map);
+  EXPECT_FALSE(with_map->text.contains("static_map"));
+  EXPECT_EQ(with_map->text["sogm"]["num_frames"], 20);
+  const auto voxels = with_map->numbers<std::int16_t>(with_map->text["sogm"]["voxels"]);
+  ASSERT_GT(voxels.size(), 400u);
+  ASSERT_EQ(voxels.size() % 4, 0u);
+  for (std::size_t i = 0; i < voxels.size(); ++i) {
+    ASSERT_GE(voxels[i], 0);
+    ASSERT_LT(voxels[i], i % 4 == 3 ? 20 : with_map->text["sogm"]["size"][i % 4].get<int>());
+  }
+  EXPECT_TRUE(with_map->text.contains("corridors"));
+  EXPECT_FALSE(watcher.next().text.contains("sogm")) << "it has not changed";
+  watcher.tell(R"({"frame": 3})");
+  const auto one_frame = watcher.until([](const ViewFrame& frame) { return frame.text.contains("sogm"); });
+  ASSERT_TRUE(one_frame);
+  const auto fewer = one_frame->numbers<std::int16_t>(one_frame->text["sogm"]["voxels"]);
+  EXPECT_LT(fewer.size(), voxels.size());
+  for (std::size_t i = 3; i < fewer.size(); i += 4) ASSERT_EQ(fewer[i], 3);
 }
 
 TEST(View, SaysThatAReplayedLogNeedsItsOwnTime) {

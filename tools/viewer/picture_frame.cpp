@@ -46,6 +46,7 @@ Json trajectory_json(const Trajectory& trajectory, std::int64_t now_us, FrameWri
     append(trajectory.state_at(utime).position, &points);
   }
   return {{"seq", trajectory.seq()},
+          {"start_utime", trajectory.start_utime()},
           {"ends_in_s", rounded(1e-6 * static_cast<double>(trajectory.end_utime() - now_us))},
           {"points", writer->array(std::span<const float>(points))}};
 }

@@ -38,7 +38,7 @@ class Cubes {
     geometry.setAttribute("position", box.attributes.position);
     geometry.setAttribute("normal", box.attributes.normal);
     const attribute = new THREE.InstancedBufferAttribute(new this.Numbers(4 * count), 4, false);
-    attribute.setUsage ? attribute.setUsage(THREE.DynamicDrawUsage) : attribute.setDynamic(true);
+    attribute.setUsage(THREE.DynamicDrawUsage);
     geometry.setAttribute("cube", attribute);
     this.mesh.geometry.dispose();
     this.mesh.geometry = geometry;
@@ -152,7 +152,7 @@ class SwarmScene {
     const name = label(String(id), color);
     this.scene.add(body, goal, name);
     const robot = {
-      body: body, goal: goal, name: name, seq: {},
+      body: body, goal: goal, name: name, drawn: {},
       lines: { committed: this.line(color, 4, 1), next: this.line(color, 4, 0.6), pending: this.line(color, 2, 0.35) },
     };
     this.robots.set(id, robot);
@@ -170,12 +170,13 @@ class SwarmScene {
     this.robots.delete(id);
   }
 
-  // A trajectory changes when its number does.
+  // A trajectory is known by its number, and its start for robots that count anew.
   setLine(robot, which, trajectory, numbers) {
     const line = robot.lines[which];
     line.visible = Boolean(trajectory) && trajectory.points.count >= 6;
-    if (!line.visible || robot.seq[which] === trajectory.seq) return;
-    robot.seq[which] = trajectory.seq;
+    const key = line.visible && trajectory.seq + "@" + trajectory.start_utime;
+    if (!line.visible || robot.drawn[which] === key) return;
+    robot.drawn[which] = key;
     line.geometry.dispose();
     line.geometry = new THREE.LineGeometry();
     line.geometry.setPositions(numbers(trajectory.points));
@@ -272,7 +273,7 @@ class SwarmScene {
   }
 
   forgetSelected() {
-    this.voxels.set(new Int16Array(0));
+    if (this.voxels.count > 0) this.voxels.set(new Int16Array(0));
     this.corridors.visible = false;
   }
 

@@ -70,6 +70,7 @@ function select(id) {
 
 // How the daemons are doing.
 function describe() {
+  if (!frame) return;
   const messages = [frame.warning, frame.error && frame.error.text].filter(Boolean);
   const heard = frame.robots.length;
   let state;
@@ -149,6 +150,7 @@ function health(robot) {
   for (const [daemon, status, channel] of [["map", map, "MAP_STATUS"], ["planner", planner, "PLANNER_STATUS"], ["broadcast", broadcast, "BROADCAST_STATUS"]]) {
     if (status && traffic[channel] && traffic[channel].age_s > 2.5) return daemon + " daemon silent";
   }
+  if (robot.announcement_age_s > 1) return "silent for " + robot.announcement_age_s.toFixed(0) + " s";
   if (broadcast && broadcast.state !== "flying") return broadcast.state;
   if (map && map.state !== "running") return map.state;
   if (planner && planner.state !== "planning") return planner.state;
@@ -191,7 +193,7 @@ element("select").onchange = (event) => select(event.target.value === "none" ? n
 element("frame").oninput = (event) => {
   wish.frame = Number(event.target.value);
   tell(wish);
-  describeChoice();
+  describe();
 };
 element("slider").oninput = (event) => {
   dragging = true;

@@ -19,11 +19,11 @@ void Viewer::on_message(std::string_view text) {
 }
 
 void Viewer::obey(const Json& command) {
-  const bool chooses = command.contains("select") || command.contains("frame");
+  Json others = command;
   if (command.contains("select")) selected_ = command["select"].is_null() ? -1 : command["select"].get<int>();
   if (command.contains("frame")) frame_ = command["frame"].get<int>();
-  if (chooses) sogm_sent_ = corridors_sent_ = -1;
-  if (!chooses || command.size() > 2) source_->control(command);
+  if (others.erase("select") + others.erase("frame") > 0) sogm_sent_ = corridors_sent_ = -1;
+  if (!others.empty()) source_->control(others);
 }
 
 void Viewer::next_frame(std::vector<std::uint8_t>* bytes) {

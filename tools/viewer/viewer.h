@@ -16,7 +16,7 @@ class Viewer : public WebClient {
   // `static_map` may be null; it must outlive this.
   Viewer(std::unique_ptr<PictureSource> source, const OccupiedCubes* static_map);
 
-  // A JSON object: {"select": robot whose SOGM and corridors are wanted, or null}, {"frame": of the SOGM, -1: all}, or
+  // A JSON object: {"select": robot whose SOGM and corridors are wanted, or null}, {"frame": of the SOGM, -1: all}, and
   // what the source's control() takes. What is wrong with it is told in the next frames.
   void on_message(std::string_view text) override;
 
