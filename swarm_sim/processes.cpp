@@ -270,11 +270,13 @@ RunReport run_processes(const World& world, const OccupiedCubes* static_map, con
   const std::filesystem::path programs =
       processes.programs.empty() ? std::filesystem::read_symlink("/proc/self/exe").parent_path() : processes.programs;
   const std::string swarm = swarm_url(processes.base_port);
-  if (processes.netns.empty()) refuse_used_bus(swarm);
+  if (processes.netns.empty() && processes.start_daemons) refuse_used_bus(swarm);
   spdlog::set_level(spdlog::level::warn);
 
   Simulation simulation(world, static_map, options, trace);
   const bool relayed = !options.link.perfect(), apart = !processes.netns.empty();
+  if (!processes.start_daemons && !options.kills.empty())
+    throw OptionError("kill: daemons that were not started here cannot be killed either");
   if (relayed && apart) throw OptionError("netns: between namespaces the network is what it is; no --link-... with it");
   RealtimeHost host;
   const std::int64_t now = wall_utime();
@@ -297,6 +299,7 @@ RunReport run_processes(const World& world, const OccupiedCubes* static_map, con
                                                         hears_swarm, relayed || apart, audit, logs));
     host.add("robot " + std::to_string(robot.id), *robots.back(), onboard, hears_swarm ? robots_swarm : "");
     if (relayed) host.add("relay of robot " + std::to_string(robot.id), relay.add_robot(robot.id), "", robots_swarm);
+    if (!processes.start_daemons) continue;
 
     const auto file = [&](const char* daemon, const char* ending) {
       return out / ("robot" + std::to_string(robot.id) + "-" + daemon + ending);

@@ -14,6 +14,7 @@
 namespace swarm {
 
 struct ProcessOptions {
+  bool start_daemons = true;  // false: they run already, as configured elsewhere
   int base_port = 7667;       // swarm bus; robot k's onboard bus is base_port + 33 + k
   std::string netns;          // robot k is in the network namespace of this name and its number; empty: all are here
   std::filesystem::path out;  // the daemons' config files and output go here; empty: a temporary directory

@@ -42,6 +42,9 @@ void declare(OptionSet& options, RunOptions& run) {
   options.add("base-port", &run.processes.base_port, 1024, 60000, "",
               "processes: port of the swarm bus is this, robot k's onboard bus this + 33 + k, its own "
               "swarm bus over a modelled link this + 133 + k");
+  options.add("daemons", &run.processes.start_daemons,
+              "processes: start the daemons; false: they run already, as services or on other computers, with robots "
+              "and limits as in the world");
   options.add(
       "netns", &run.processes.netns,
       "processes: robot k's daemons and buses are in the network namespace of this name and k (needs root); none: "
