@@ -29,8 +29,8 @@ constexpr Tables kTables = make_tables();
 
 }  // namespace
 
-std::uint32_t crc32(std::span<const std::uint8_t> bytes) {
-  std::uint32_t crc = 0xFFFFFFFFu;
+std::uint32_t crc32(std::span<const std::uint8_t> bytes, std::uint32_t before) {
+  std::uint32_t crc = ~before;
   for (; bytes.size() >= kSlice; bytes = bytes.subspan(kSlice)) {
     const std::uint8_t* const b = bytes.data();
     crc = kTables[7][b[0] ^ (crc & 0xFFu)] ^ kTables[6][b[1] ^ (crc >> 8 & 0xFFu)] ^

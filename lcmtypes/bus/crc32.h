@@ -6,7 +6,7 @@
 
 namespace swarm {
 
-// Of "123456789" it is 0xCBF43926.
-std::uint32_t crc32(std::span<const std::uint8_t> bytes);
+// Of "123456789" it is 0xCBF43926. `before`: that of the bytes in front of these, when they come in parts.
+std::uint32_t crc32(std::span<const std::uint8_t> bytes, std::uint32_t before = 0);
 
 }  // namespace swarm
