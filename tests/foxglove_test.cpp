@@ -74,6 +74,13 @@ TEST(Foxglove, PointCloudsFitTheirSchema) {
   EXPECT_EQ(cloud["data"].get<std::string>().size(), 44u);
 }
 
+TEST(Foxglove, SchemasAreReadByViewers) {
+  for (const char* name : {kSceneUpdate, kFrameTransforms, kPointCloud}) {
+    EXPECT_EQ(swarm::test::unreadable(schema(name)), "");
+    EXPECT_EQ(schema(name).at("title"), name);
+  }
+}
+
 TEST(Foxglove, OtherSchemasAreRefused) {
   EXPECT_THROW((void)schema("foxglove.Log"), std::invalid_argument);
 }

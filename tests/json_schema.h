@@ -36,4 +36,23 @@ inline std::string misfit(const nlohmann::ordered_json& schema, const nlohmann::
   return "";
 }
 
+// What of a schema Foxglove and Lichtblick do not read: other types, arrays right inside arrays; empty when they read
+// all.
+inline std::string unreadable(const nlohmann::ordered_json& schema, const std::string& place = "") {
+  const std::string type = schema.at("type");
+  if (type == "array") {
+    const auto& items = schema.at("items");
+    return items.at("type") == "array" ? place + " holds arrays" : unreadable(items, place + "[]");
+  }
+  if (type != "object") {
+    const bool known = type == "string" || type == "boolean" || type == "integer" || type == "number";
+    return known ? "" : place + " is of type " + type;
+  }
+  for (const auto& [name, property] : schema.at("properties").items()) {
+    const std::string found = unreadable(property, place + "." + name);
+    if (!found.empty()) return found;
+  }
+  return "";
+}
+
 }  // namespace swarm::test

@@ -1,6 +1,7 @@
 // What is drawn of messages: at the right places, again when it changes, in Foxglove's schemas.
 #include "tools/logs/log_drawing.h"
 
+#include <Eigen/Geometry>
 #include <cstring>
 
 #include "map_daemon/obstacle.h"

@@ -60,6 +60,7 @@ TYPED_TEST(MessageJson, HasTheNumbersAndFitsItsSchema) {
   Random random(2);
   const Json schema = json_schema<TypeParam>();
   EXPECT_EQ(schema.at("title"), schema_name<TypeParam>());
+  EXPECT_EQ(unreadable(schema), "");
   EXPECT_EQ(schema_name<TypeParam>(), std::string("sogm_swarm.") + TypeParam::getTypeName());
   for (const int elements : {0, 1, 7, 40}) {
     TypeParam message = make<TypeParam>(random, elements);
