@@ -3,21 +3,19 @@
 #include <array>
 #include <cstdio>
 #include <cstdlib>
-#include <functional>
 #include <iostream>
 #include <map>
 #include <set>
 #include <stdexcept>
 #include <string>
-#include <string_view>
 #include <vector>
 
-#include "lcmtypes/bus/channels.h"
 #include "lcmtypes/bus/codec.h"
 #include "lcmtypes/bus/lcm_log.h"
 #include "planner_daemon/commit_protocol.h"
 #include "swarm_sim/report.h"
 #include "swarm_sim/text.h"
+#include "tools/logs/log_messages.h"
 
 namespace swarm {
 namespace {
@@ -122,58 +120,36 @@ class Summary {
   }
 
  private:
-  template <class T>
-  static Refusal visit(const LogEvent& event, const std::function<void(const T&)>& use) {
-    T message;
-    const Refusal refusal = decode(event.bytes, &message);
-    if (refusal == Refusal::kNone) use(message);
-    return refusal;
-  }
-
   // Messages of other types count as readable.
   Refusal read(const LogEvent& event) {
-    const std::string_view name = event.channel;
-    if (name == channel::kTrajectory || name == channel::kOwnTrajectory || name == channel::kPeerTrajectory) {
-      return visit<announcement_t>(event, [&](const announcement_t& m) { add_announcement(event.channel, m.header); });
-    }
-    if (name == channel::kPlannerStatus) {
-      return visit<planner_status_t>(event, [&](const planner_status_t& m) {
-        Robot& robot = robots_[m.header.robot_id];
-        if (m.plans != robot.plans && m.plans > 0) robot.plan_ms.push_back(m.total_ms);
-        robot.plans = m.plans;
-        robot.missed.add(m.header.boot, m.missed);
-        add_refused(m, "planner", &robot);
-      });
-    }
-    if (name == channel::kBroadcastStatus) {
-      return visit<broadcast_status_t>(event, [&](const broadcast_status_t& m) {
-        Robot& robot = robots_[m.header.robot_id];
-        const std::int32_t boot = m.header.boot;
-        robot.candidates.add(boot, m.candidates);
-        robot.commits.add(boot, m.commits);
-        robot.forced.add(boot, m.forced);
-        robot.withdrawn.add(boot, m.withdrawn);
-        for (std::size_t i = 0; i < robot.rejected.size(); ++i) robot.rejected[i].add(boot, m.rejected[i]);
-        add_refused(m, "broadcast", &robot);
-      });
-    }
-    if (name == channel::kMapStatus) {
-      return visit<map_status_t>(event, [&](const map_status_t& m) {
-        Robot& robot = robots_[m.header.robot_id];
-        robot.build_ms.push_back(m.build_ms);
-        add_refused(m, "map", &robot);
-      });
-    }
-    if (name == channel::kSogm) return visit<sogm_t>(event, [](const sogm_t&) {});
-    if (name == channel::kCandidate) return visit<candidate_t>(event, [](const candidate_t&) {});
-    if (name == channel::kCorridors) return visit<corridors_t>(event, [](const corridors_t&) {});
-    if (name == channel::kObstacles) return visit<obstacles_t>(event, [](const obstacles_t&) {});
-    if (name == channel::kObstacleVoxels) return visit<obstacle_voxels_t>(event, [](const obstacle_voxels_t&) {});
-    if (name == channel::kRobotState) return visit<robot_state_t>(event, [](const robot_state_t&) {});
-    if (name == channel::kSetpoint) return visit<setpoint_t>(event, [](const setpoint_t&) {});
-    if (name == channel::kGoal) return visit<goal_t>(event, [](const goal_t&) {});
-    return Refusal::kNone;
+    return visit_message(event, [&](const auto& message) { note(event.channel, message); }).value_or(Refusal::kNone);
   }
+
+  void note(const std::string& channel, const announcement_t& m) { add_announcement(channel, m.header); }
+  void note(const std::string&, const planner_status_t& m) {
+    Robot& robot = robots_[m.header.robot_id];
+    if (m.plans != robot.plans && m.plans > 0) robot.plan_ms.push_back(m.total_ms);
+    robot.plans = m.plans;
+    robot.missed.add(m.header.boot, m.missed);
+    add_refused(m, "planner", &robot);
+  }
+  void note(const std::string&, const broadcast_status_t& m) {
+    Robot& robot = robots_[m.header.robot_id];
+    const std::int32_t boot = m.header.boot;
+    robot.candidates.add(boot, m.candidates);
+    robot.commits.add(boot, m.commits);
+    robot.forced.add(boot, m.forced);
+    robot.withdrawn.add(boot, m.withdrawn);
+    for (std::size_t i = 0; i < robot.rejected.size(); ++i) robot.rejected[i].add(boot, m.rejected[i]);
+    add_refused(m, "broadcast", &robot);
+  }
+  void note(const std::string&, const map_status_t& m) {
+    Robot& robot = robots_[m.header.robot_id];
+    robot.build_ms.push_back(m.build_ms);
+    add_refused(m, "map", &robot);
+  }
+  template <class T>
+  void note(const std::string&, const T&) {}
 
   void add_announcement(const std::string& channel, const header_t& header) {
     Announced& announced = announced_[{channel, header.robot_id}];
