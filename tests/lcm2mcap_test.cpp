@@ -60,8 +60,8 @@ void write_event(lcm::LogFile* log, std::int64_t utime, const std::string& chann
 TEST(Lcm2Mcap, HoldsEveryMessageOfARun) {
   const TemporaryDirectory directory;
   fly(directory.path());
-  const Finished finished = convert({directory / "robot0.lcm", directory / "robot1.lcm", directory / "swarm.lcm", "-o",
-                                     directory / "run.mcap", "--map-rate", "1000"});
+  const Finished finished = convert({directory / "robot0.lcm", directory / "robot1.lcm", directory / "swarm.lcm",
+                                     "--out", directory / "run.mcap", "--map-rate", "1000"});
   ASSERT_EQ(finished.exit_code, 0) << finished.err;
   EXPECT_EQ(finished.out.find("left out"), std::string::npos) << finished.out;
   Counts expected;
@@ -159,18 +159,18 @@ TEST(Lcm2Mcap, BadInputIsNamedAndLeavesNothing) {
   };
   expect({}, "a log must be given");
   expect({"--fast", log}, "unknown option '--fast'");
-  expect({log, "-o"}, "-o: needs a value");
-  for (const char* rate : {"0", "-1", "x", "inf"}) expect({log, "--map-rate", rate}, "must be a positive number");
+  expect({log, "--out"}, "out");
+  for (const char* rate : {"0", "-1", "x", "inf"}) expect({log, "--map-rate", rate}, "must be within [0.01, 1000] Hz");
   expect({directory / "missing.lcm"}, (directory / "missing.lcm").string());
   expect({directory / "empty.lcm"}, "empty.lcm: holds no LCM events (0 bytes)");
   expect({log, directory / "none.lcm"}, "none.lcm: holds no LCM events (14 bytes)");
   expect({log}, "log.mcap: exists already");
-  expect({log, "-o", directory / "no/where.mcap"}, "there is no directory");
-  expect({log, "-o", directory.path()}, "is no file");
-  expect({log, "-o", log, "--force"}, "is one of the logs");
+  expect({log, "--out", directory / "no/where.mcap"}, "there is no directory");
+  expect({log, "--out", directory.path()}, "is no file");
+  expect({log, "--out", log, "--force", "true"}, "is one of the logs");
   EXPECT_EQ(read_text(out), "something else");
   EXPECT_EQ(std::distance(fs::directory_iterator(directory.path()), fs::directory_iterator()), 4);
-  EXPECT_EQ(convert({log, "--force"}).exit_code, 0);
+  EXPECT_EQ(convert({log, "--force", "true"}).exit_code, 0);
   EXPECT_EQ(McapReader::read(out).messages.size(), 3u);
   EXPECT_EQ(convert({"--help"}).exit_code, 0);
 }

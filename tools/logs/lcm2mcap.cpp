@@ -10,6 +10,8 @@
 #include <string>
 #include <vector>
 
+#include "lcmtypes/bus/lcm_log.h"
+#include "lcmtypes/bus/option_set.h"
 #include "swarm_sim/text.h"
 #include "tools/logs/foxglove.h"
 #include "tools/logs/log_drawing.h"
@@ -22,47 +24,23 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr char kHelp[] =
-    "Usage: lcm2mcap LOG... [-o OUT.mcap] [--map-rate HZ] [--force]\n"
-    "Converts LCM logs into one MCAP file for Foxglove, Lichtblick and Rerun; see tools/lcm2mcap --help.\n";
+constexpr const char* kUsage =
+    "Converts LCM logs into one MCAP file for Foxglove, Lichtblick and Rerun; tools/lcm2mcap --help tells what is in "
+    "it.";
 constexpr std::int64_t kMaxUtime = std::int64_t{1} << 53;  // as that of messages; times in ns then fit 64 bits
 
 struct Arguments {
   std::vector<std::string> logs;
   std::string out;
-  bool force = false, help = false;
+  bool force = false;
   double map_rate_hz = 5.0;
 };
 
-Arguments parse(int argc, const char* const* argv) {
-  Arguments arguments;
-  const std::vector<std::string> words(argv + 1, argv + argc);
-  for (std::size_t i = 0; i < words.size(); ++i) {
-    const std::string& word = words[i];
-    const auto value = [&] {
-      if (i + 1 == words.size()) throw std::runtime_error(word + ": needs a value (see --help)");
-      return words[++i];
-    };
-    if (word == "--help" || word == "-h") {
-      arguments.help = true;
-    } else if (word == "--force") {
-      arguments.force = true;
-    } else if (word == "-o" || word == "--out") {
-      arguments.out = value();
-    } else if (word == "--map-rate") {
-      const std::string rate = value();
-      if (!read_amount(rate, &arguments.map_rate_hz) || arguments.map_rate_hz == 0.0)
-        throw std::runtime_error("--map-rate " + rate + ": must be a positive number");
-    } else if (word.starts_with("-")) {
-      throw std::runtime_error("unknown option '" + word + "' (see --help)");
-    } else {
-      arguments.logs.push_back(word);
-    }
-  }
-  if (arguments.help) return arguments;
-  if (arguments.logs.empty()) throw std::runtime_error("a log must be given (see --help)");
-  if (arguments.out.empty()) arguments.out = fs::path(arguments.logs.front()).replace_extension(".mcap").string();
-  return arguments;
+void declare(OptionSet& options, Arguments& arguments) {
+  options.add_positional("LOG", &arguments.logs, "LCM log; several are merged in order of time");
+  options.add("out", &arguments.out, "file to write; none: the first log's name, ending in .mcap");
+  options.add("map-rate", &arguments.map_rate_hz, 0.01, 1000, "Hz", "at most so many maps of each robot are drawn");
+  options.add("force", &arguments.force, "replace a file that exists");
 }
 
 void check_output(const Arguments& arguments) {
@@ -72,10 +50,10 @@ void check_output(const Arguments& arguments) {
   if (!fs::exists(out)) return;
   for (const std::string& log : arguments.logs) {
     if (fs::exists(log) && fs::equivalent(log, out))
-      throw std::runtime_error(arguments.out + ": is one of the logs, choose another name with -o");
+      throw std::runtime_error(arguments.out + ": is one of the logs, choose another name with --out");
   }
   if (!fs::is_regular_file(out)) throw std::runtime_error(arguments.out + ": is no file");
-  if (!arguments.force) throw std::runtime_error(arguments.out + ": exists already (--force replaces it)");
+  if (!arguments.force) throw std::runtime_error(arguments.out + ": exists already (--force true replaces it)");
 }
 
 // A log, its next event, and the robot whose onboard bus it is of, if any.
@@ -89,7 +67,8 @@ class Source {
     for (LogEvent event; !owner_ && ahead.next(&event);) {
       // Trajectories name their sender, who may be a peer.
       if (event.channel == channel::kTrajectory || event.channel == channel::kPeerTrajectory) continue;
-      (void)visit_message(event, [this](const auto& message) { owner_ = message.header.robot_id; });
+      (void)visit_message(event.channel, event.bytes,
+                          [this](const auto& message) { owner_ = message.header.robot_id; });
     }
   }
 
@@ -126,7 +105,7 @@ class Converter {
     first_us_ = std::min(first_us_, event.utime);
     last_us_ = std::max(last_us_, event.utime);
     utime_ = event.utime;
-    const auto refusal = visit_message(event, [&]<class T>(const T& message) {
+    const auto refusal = visit_message(event.channel, event.bytes, [&]<class T>(const T& message) {
       write(topic_of(event.channel, message.header.robot_id, owner), schema_name<T>(), json_schema<T>,
             to_json(message));
       drawing_.add(event.utime, message);
@@ -199,11 +178,12 @@ class Converter {
 };
 
 int lcm2mcap(int argc, const char* const* argv) {
-  const Arguments arguments = parse(argc, argv);
-  if (arguments.help) {
-    std::cout << kHelp;
-    return 0;
-  }
+  Arguments arguments;
+  OptionSet options("lcm2mcap", kUsage);
+  declare(options, arguments);
+  if (options.parse(argc, argv, std::cout) == OptionSet::Parsed::kExit) return 0;
+  if (arguments.logs.empty()) throw OptionError("a log must be given (see --help)");
+  if (arguments.out.empty()) arguments.out = fs::path(arguments.logs.front()).replace_extension(".mcap").string();
   std::vector<std::unique_ptr<Source>> sources;
   for (const std::string& log : arguments.logs) sources.push_back(std::make_unique<Source>(log));
   check_output(arguments);

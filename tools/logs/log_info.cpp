@@ -12,6 +12,7 @@
 
 #include "lcmtypes/bus/codec.h"
 #include "lcmtypes/bus/lcm_log.h"
+#include "lcmtypes/bus/option_set.h"
 #include "planner_daemon/commit_protocol.h"
 #include "swarm_sim/report.h"
 #include "swarm_sim/text.h"
@@ -122,7 +123,8 @@ class Summary {
  private:
   // Messages of other types count as readable.
   Refusal read(const LogEvent& event) {
-    return visit_message(event, [&](const auto& message) { note(event.channel, message); }).value_or(Refusal::kNone);
+    return visit_message(event.channel, event.bytes, [&](const auto& message) { note(event.channel, message); })
+        .value_or(Refusal::kNone);
   }
 
   void note(const std::string& channel, const announcement_t& m) { add_announcement(channel, m.header); }
@@ -207,19 +209,15 @@ class Summary {
 };
 
 int log_info(int argc, const char* const* argv) {
-  const std::vector<std::string> paths(argv + 1, argv + argc);
-  for (const std::string& path : paths) {
-    if (path == "--help" || path == "-h") {
-      std::cout
-          << "Usage: log_info LOG...\n"
-             "Summarises LCM logs, as of swarm_sim run --out, tools/record or lcm-logger: channels with rates, gaps "
-             "and what\ncannot be read, planning times, what became of plans, refusals, losses. Exit code 2 when a "
-             "log cannot be read.\n";
-      return 0;
-    }
-    if (path.starts_with("-")) throw std::runtime_error("unknown option '" + path + "' (see --help)");
-  }
-  if (paths.empty()) throw std::runtime_error("a log must be given (see --help)");
+  std::vector<std::string> paths;
+  OptionSet options(
+      "log_info",
+      "Summarises LCM logs, as of swarm_sim run --out, tools/record or lcm-logger: channels with rates, gaps "
+      "and what\ncannot be read, planning times, what became of plans, refusals, losses. Exit code 2 when a "
+      "log cannot be read.");
+  options.add_positional("LOG", &paths, "LCM log");
+  if (options.parse(argc, argv, std::cout) == OptionSet::Parsed::kExit) return 0;
+  if (paths.empty()) throw OptionError("a log must be given (see --help)");
   for (const std::string& path : paths) {
     LcmLog log(path);
     Summary summary;

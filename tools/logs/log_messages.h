@@ -1,26 +1,25 @@
-// Our messages in the events of LCM logs.
+// What our channels carry.
 #pragma once
 
 #include <optional>
+#include <span>
 #include <string_view>
 
 #include "lcmtypes/bus/channels.h"
 #include "lcmtypes/bus/codec.h"
-#include "lcmtypes/bus/lcm_log.h"
 
 namespace swarm {
 
-// Decodes an event as what its channel carries and calls use(message) when it is accepted; `use` takes every type of
+// Decodes bytes as what the channel carries and calls use(message) when they are accepted; `use` takes every type of
 // codec.h. Nothing when the channel is not one of ours.
 template <class Use>
-std::optional<Refusal> visit_message(const LogEvent& event, Use&& use) {
+std::optional<Refusal> visit_message(std::string_view name, std::span<const std::uint8_t> bytes, Use&& use) {
   using namespace sogm_swarm;
   const auto as = [&]<class T>(T message) {
-    const Refusal refusal = decode(event.bytes, &message);
+    const Refusal refusal = decode(bytes, &message);
     if (refusal == Refusal::kNone) use(message);
     return refusal;
   };
-  const std::string_view name = event.channel;
   for (const char* announcements : {channel::kTrajectory, channel::kOwnTrajectory, channel::kPeerTrajectory}) {
     if (name == announcements) return as(announcement_t{});
   }

@@ -1,9 +1,10 @@
 #include "tools/viewer/swarm_picture.h"
 
 #include <cmath>
+#include <type_traits>
 #include <utility>
 
-#include "lcmtypes/bus/channels.h"
+#include "tools/logs/log_messages.h"
 
 namespace swarm {
 
@@ -52,63 +53,49 @@ std::optional<Eigen::Vector3d> RobotPicture::position(std::int64_t now_us) const
   return state ? std::optional(Eigen::Vector3d(state->position)) : std::nullopt;
 }
 
-template <class T, class Take>
-Refusal SwarmPicture::take(std::int64_t now_us, std::string_view channel, std::span<const std::uint8_t> bytes,
-                           const Take& take) {
-  T message;
-  if (const Refusal refusal = decode(bytes, &message); refusal != Refusal::kNone) return refusal;
+void RobotPicture::keep(std::int64_t now_us, const announcement_t& message) {
+  if (!announcements.is_news(now_us, message.header)) return;  // it came another way as well
+  announcements.count(now_us, message.header);
+  radius_m = message.radius;
+  read_announcement(message, &motion, &announced);
+}
+
+Refusal RobotPicture::keep(const sogm_t& part, bool was_silent) {
+  if (!assembler_ || was_silent) assembler_ = std::make_unique<SogmAssembler>();
+  const Assembly assembly = assembler_->add(part, &sogm);
+  if (assembly.status == AssemblyStatus::kComplete) ++num_maps;
+  return assembly.refusal == Refusal::kSequence ? Refusal::kNone : assembly.refusal;
+}
+
+template <class T>
+Refusal SwarmPicture::take(std::int64_t now_us, std::string_view channel, const T& message) {
   const int id = message.header.robot_id;
   if (!robots_.contains(id) && robots_.size() >= kMaxRobots) return Refusal::kRobot;
   RobotPicture& robot = robots_[id];
   Traffic& traffic = robot.traffic.try_emplace(std::string(channel)).first->second;
+  const bool was_silent = !traffic.is_fresh(now_us), is_news = traffic.is_news(now_us, message.header);
   // What comes twice, or late, changes nothing. Parts of a map all have one number: the assembler knows.
-  if (!std::is_same_v<T, sogm_t> && !traffic.is_news(now_us, message.header)) return Refusal::kNone;
-  const bool was_silent = !traffic.is_fresh(now_us);
-  if (was_silent || traffic.is_news(now_us, message.header)) traffic.count(now_us, message.header);
+  if (!is_news && !std::is_same_v<T, sogm_t>) return Refusal::kNone;
+  if (is_news) traffic.count(now_us, message.header);
   newest_utime_ = message.header.utime;
   newest_came_us_ = now_us;
-  return take(robot, std::move(message), was_silent);
-}
-
-Refusal SwarmPicture::read(std::int64_t now_us, std::string_view name, std::span<const std::uint8_t> bytes) {
-  const auto keep = [&]<class T>(std::optional<T> RobotPicture::*place) {
-    return take<T>(now_us, name, bytes, [place](RobotPicture& robot, T message, bool) {
-      robot.*place = std::move(message);
-      return Refusal::kNone;
-    });
-  };
-  if (name == channel::kTrajectory || name == channel::kOwnTrajectory || name == channel::kPeerTrajectory) {
-    return take<announcement_t>(now_us, name, bytes,
-                                [now_us](RobotPicture& robot, const announcement_t& message, bool) {
-                                  if (!robot.announcements.is_news(now_us, message.header))
-                                    return Refusal::kNone;  // it came another way as well
-                                  robot.announcements.count(now_us, message.header);
-                                  robot.radius_m = message.radius;
-                                  read_announcement(message, &robot.motion, &robot.announced);
-                                  return Refusal::kNone;
-                                });
-  }
-  if (name == channel::kSogm) {
-    return take<sogm_t>(now_us, name, bytes, [](RobotPicture& robot, const sogm_t& part, bool was_silent) {
-      if (!robot.assembler_ || was_silent) robot.assembler_ = std::make_unique<SogmAssembler>();
-      const Assembly assembly = robot.assembler_->add(part, &robot.sogm);
-      if (assembly.status == AssemblyStatus::kComplete) ++robot.num_maps;
-      return assembly.refusal == Refusal::kSequence ? Refusal::kNone : assembly.refusal;
-    });
-  }
-  if (name == channel::kRobotState) return keep(&RobotPicture::state);
-  if (name == channel::kGoal) return keep(&RobotPicture::goal);
-  if (name == channel::kObstacles) return keep(&RobotPicture::obstacles);
-  if (name == channel::kCorridors) return keep(&RobotPicture::corridors);
-  if (name == channel::kMapStatus) return keep(&RobotPicture::map);
-  if (name == channel::kPlannerStatus) return keep(&RobotPicture::planner);
-  if (name == channel::kBroadcastStatus) return keep(&RobotPicture::broadcast);
+  if constexpr (std::is_same_v<T, sogm_t>) return robot.keep(message, was_silent);
+  if constexpr (std::is_same_v<T, announcement_t>) robot.keep(now_us, message);
+  if constexpr (std::is_same_v<T, robot_state_t>) robot.state = message;
+  if constexpr (std::is_same_v<T, goal_t>) robot.goal = message;
+  if constexpr (std::is_same_v<T, obstacles_t>) robot.obstacles = message;
+  if constexpr (std::is_same_v<T, corridors_t>) robot.corridors = message;
+  if constexpr (std::is_same_v<T, map_status_t>) robot.map = message;
+  if constexpr (std::is_same_v<T, planner_status_t>) robot.planner = message;
+  if constexpr (std::is_same_v<T, broadcast_status_t>) robot.broadcast = message;
   return Refusal::kNone;
 }
 
 Refusal SwarmPicture::add(std::int64_t now_us, std::string_view channel, std::span<const std::uint8_t> bytes) {
   ++messages_;
-  const Refusal refusal = read(now_us, channel, bytes);
+  Refusal taken = Refusal::kNone;
+  const auto read = visit_message(channel, bytes, [&](const auto& message) { taken = take(now_us, channel, message); });
+  const Refusal refusal = read.value_or(Refusal::kNone) == Refusal::kNone ? taken : *read;
   if (refusal != Refusal::kNone) refused_.count(refusal);
   return refusal;
 }

@@ -59,6 +59,9 @@ struct RobotPicture {
 
  private:
   friend class SwarmPicture;
+  void keep(std::int64_t now_us, const sogm_swarm::announcement_t& message);
+  Refusal keep(const sogm_swarm::sogm_t& part, bool was_silent);
+
   std::unique_ptr<SogmAssembler> assembler_;
 };
 
@@ -81,9 +84,8 @@ class SwarmPicture {
   std::int64_t newest_came_us() const { return newest_came_us_; }  // 0: none came
 
  private:
-  template <class T, class Take>
-  Refusal take(std::int64_t now_us, std::string_view channel, std::span<const std::uint8_t> bytes, const Take& take);
-  Refusal read(std::int64_t now_us, std::string_view channel, std::span<const std::uint8_t> bytes);
+  template <class T>
+  Refusal take(std::int64_t now_us, std::string_view channel, const T& message);
 
   std::map<int, RobotPicture> robots_;
   std::int64_t messages_ = 0, newest_utime_ = 0, newest_came_us_ = 0;
