@@ -4,7 +4,7 @@
 const element = (id) => document.getElementById(id);
 const scene = new SwarmScene();
 const wish = { select: null, frame: -1 };  // whose SOGM and corridors, and which frame of it
-let socket = null, frame = null, fps = 0, arrived = [], settingGoal = false, dragging = false, chosen = false, aimed = false, cards = new Map(),
+let socket = null, frame = null, fps = 0, arrived = [], settingGoal = false, dragging = false, chosen = false, aimedAt = 0, cards = new Map(),
   cardsDrawn = 0;
 
 function tell(command) {
@@ -33,10 +33,7 @@ function take(buffer) {
   fps = (arrived.length - 1) / Math.max(1e-3, 1e-3 * (now - arrived[0]));
 
   scene.setRobots(frame.robots, numbers);
-  if (!aimed && frame.robots.length > 0) {
-    aimed = true;
-    scene.aim(frame.robots.flatMap((robot) => [robot.position, robot.goal].filter(Boolean)));
-  }
+  aim();
   scene.setObstacles(frame.obstacles);
   scene.obstacleGroup.visible = element("show-obstacles").checked;
   if (frame.static_map) scene.walls.set(numbers(frame.static_map.cubes));
@@ -59,6 +56,14 @@ function take(buffer) {
     cardsDrawn = now;
     describe();
   }
+}
+
+// At all robots and goals, as they come to be known, until the user turns the picture.
+function aim() {
+  const places = frame.robots.flatMap((robot) => [robot.position, robot.goal].filter(Boolean));
+  if (places.length <= aimedAt) return;
+  aimedAt = places.length;
+  scene.aim(places);
 }
 
 function select(id) {
@@ -235,6 +240,8 @@ window.shown = () => ({
   cards: [...cards.values()].map((card) => card.root.innerText),
   memory: { ...scene.renderer.info.memory },
 });
+
+scene.controls.addEventListener("start", () => { aimedAt = Infinity; });
 
 (function animate() {
   requestAnimationFrame(animate);
