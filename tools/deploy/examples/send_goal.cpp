@@ -1,0 +1,21 @@
+// Where the robot shall go: send_goal [BUS [ROBOT]]
+#include <chrono>
+#include <cstdlib>
+#include <thread>
+
+#include "lcmtypes/bus/codec.h"
+#include "lcmtypes/bus/header_source.h"
+#include "lcmtypes/bus/lcm_bus.h"
+#include "lcmtypes/bus/realtime_host.h"
+
+int main(int argc, char** argv) {
+  swarm::LcmBus bus(argc > 1 ? argv[1] : swarm::kDefaultOnboardUrl);
+  swarm::HeaderSource headers(argc > 2 ? std::atoi(argv[2]) : 0, static_cast<int>(swarm::wall_utime() / 1'000'000));
+  for (std::vector<std::uint8_t> bytes;; std::this_thread::sleep_for(std::chrono::seconds(1))) {
+    sogm_swarm::goal_t goal{};
+    goal.header = headers.next(swarm::wall_utime());
+    goal.position[0] = 3.0, goal.position[2] = 1.0;  // W [m]; may change at any time
+    swarm::encode(goal, &bytes);
+    if (!bus.publish("GOAL", bytes)) return 1;  // again and again: a planner may start later
+  }
+}

@@ -1,0 +1,14 @@
+"""Where the robot is, 50 times a second: send_state.py [BUS [ROBOT]]"""
+
+import sys
+import time
+
+import swarm_bus
+from sogm_swarm import robot_state_t
+
+bus = swarm_bus.Bus(*sys.argv[1:2] or ["udpm://239.255.76.67:7700?ttl=0"], *map(int, sys.argv[2:3]))
+while True:
+    state = robot_state_t()
+    state.position = [0.0, 0.0, 1.0]  # W [m]: from your odometry or motion capture, measured now
+    bus.publish("ROBOT_STATE", state)
+    time.sleep(0.02)
