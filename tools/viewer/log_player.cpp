@@ -111,6 +111,11 @@ Json LogPlayer::describe() {
 
 void LogPlayer::control(const Json& command) {
   if (command.contains("goal")) throw std::runtime_error("a log cannot be given goals");
+  if (command.contains("play")) {
+    const bool play = command["play"].get<bool>();
+    set_from(play && wanted_us() == index_.end_us() ? index_.begin_us() : wanted_us());
+    playing_ = play;
+  }
   if (command.contains("seek")) {
     const double seek_s = command["seek"].get<double>();
     const double length_s = 1e-6 * static_cast<double>(index_.end_us() - index_.begin_us());
@@ -126,11 +131,6 @@ void LogPlayer::control(const Json& command) {
       throw std::runtime_error("speed " + std::to_string(speed) + ": must be within [0.01, 100]");
     set_from(wanted_us());
     speed_ = speed;
-  }
-  if (command.contains("play")) {
-    const bool play = command["play"].get<bool>();
-    set_from(play && wanted_us() == index_.end_us() ? index_.begin_us() : wanted_us());
-    playing_ = play;
   }
 }
 
