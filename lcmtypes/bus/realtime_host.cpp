@@ -93,6 +93,12 @@ class RealtimeHost::Seat : public Outbox {
     step();
   }
 
+  bool holds(const Node& node) const { return &node_ == &node; }
+  void deliver(const std::function<void(std::int64_t, Outbox&)>& with) {
+    with(now(), *this);
+    step();
+  }
+
   void publish_bytes(BusId id, std::string_view channel, std::span<const std::uint8_t> bytes) override {
     const auto& bus = port(id).bus;
     const bool sent = bus && bus->publish(channel, bytes);
@@ -178,6 +184,12 @@ void RealtimeHost::add(const std::string& name, Node& node, const std::string& o
   seats_.push_back(std::make_unique<Seat>(io_, name, node, onboard_url, swarm_url, clock));
 }
 
+void RealtimeHost::deliver(const Node& node, const std::function<void(std::int64_t, Outbox&)>& with) {
+  const auto seat = std::ranges::find_if(seats_, [&](const auto& other) { return other->holds(node); });
+  if (seat == seats_.end()) throw std::invalid_argument("delivery to a node that is not in this host");
+  (*seat)->deliver(with);
+}
+
 void RealtimeHost::run() {
   signals_.async_wait([this](const boost::system::error_code& error, int signal) {
     if (error) return;
@@ -188,17 +200,9 @@ void RealtimeHost::run() {
   io_.run();
 }
 
-int run_node(const std::string& name, Node& node, const std::string& onboard_url, const std::string& swarm_url,
-             HostClock clock) {
-  RealtimeHost host;
-  host.add(name, node, onboard_url, swarm_url, clock);
-  host.run();
-  return EXIT_SUCCESS;
-}
-
 int daemon_main(const std::string& program, const std::string& usage, int argc, const char* const* argv,
                 DaemonBuses buses, const std::function<void(OptionSet&)>& declare,
-                const std::function<std::unique_ptr<Node>()>& make_node) {
+                const std::function<std::unique_ptr<Node>()>& make_node, const Attachment& attach) {
   try {
     spdlog::set_default_logger(
         std::make_shared<spdlog::logger>(program, std::make_shared<spdlog::sinks::stderr_color_sink_mt>()));
@@ -217,7 +221,11 @@ int daemon_main(const std::string& program, const std::string& usage, int argc, 
     if (options.parse(argc, argv, std::cout) == OptionSet::Parsed::kExit) return EXIT_SUCCESS;
     const std::unique_ptr<Node> node = make_node();
     const HostClock clock{replay ? TimeSource::kMessages : TimeSource::kClock, std::llround(1e3 * clock_offset_ms)};
-    return run_node(program, *node, onboard_url, swarm_url, clock);
+    RealtimeHost host;
+    host.add(program, *node, onboard_url, swarm_url, clock);
+    const std::shared_ptr<void> attached = attach ? attach(host) : nullptr;
+    host.run();
+    return EXIT_SUCCESS;
   } catch (const std::exception& error) {
     std::cerr << program << ": " << error.what() << std::endl;
     return 2;

@@ -40,6 +40,11 @@ class RealtimeHost {
   void add(const std::string& name, Node& node, const std::string& onboard_url, const std::string& swarm_url,
            HostClock clock = {});
 
+  // For what reaches a node otherwise than over its buses (a socket, a serial device): calls `with` with the node's
+  // time and outbox, then lets the node step. From within run() only; throws std::invalid_argument when the node was
+  // not added.
+  void deliver(const Node& node, const std::function<void(std::int64_t now_us, Outbox& outbox)>& with);
+
   // Until SIGTERM, SIGINT or stop(). What a node throws comes out here.
   void run();
   void stop() { io_.stop(); }
@@ -54,17 +59,16 @@ class RealtimeHost {
   std::vector<std::unique_ptr<Seat>> seats_;
 };
 
-// Runs one node until SIGTERM or SIGINT; returns the exit code 0.
-int run_node(const std::string& name, Node& node, const std::string& onboard_url, const std::string& swarm_url,
-             HostClock clock = {});
+// What else shall live in a daemon's event loop: made when the node is on its buses, gone before the host is.
+using Attachment = std::function<std::shared_ptr<void>(RealtimeHost&)>;
 
 enum class DaemonBuses { kOnboard, kOnboardAndSwarm };
 
 // All of a daemon's main(): `declare` adds the node's options, --onboard-url (and --swarm-url) come with it;
-// `make_node` is called when they are read. Returns 2 after one line on stderr for whatever is wrong with options, node
-// or buses.
+// `make_node` is called when they are read, `attach` (if any) after it. Returns 2 after one line on stderr for whatever
+// is wrong with options, node, buses or attachment.
 int daemon_main(const std::string& program, const std::string& usage, int argc, const char* const* argv,
                 DaemonBuses buses, const std::function<void(OptionSet&)>& declare,
-                const std::function<std::unique_ptr<Node>()>& make_node);
+                const std::function<std::unique_ptr<Node>()>& make_node, const Attachment& attach = nullptr);
 
 }  // namespace swarm

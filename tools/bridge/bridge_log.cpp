@@ -1,0 +1,114 @@
+#include "tools/bridge/bridge_log.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include <algorithm>
+
+namespace swarm {
+namespace {
+
+constexpr std::int64_t kSummaryPeriod_us = 10'000'000;
+constexpr std::int64_t kSilence_us = 3'000'000;  // without a heartbeat: the controller is gone
+
+const char* describe(Guidance guidance) {
+  switch (guidance) {
+    case Guidance::kNone:
+      return "no setpoint yet";
+    case Guidance::kSetpoints:
+      return "following setpoints";
+    case Guidance::kTrajectory:
+      return "following the committed trajectory";
+    case Guidance::kLost:
+      return "no setpoints and no committed trajectory: nothing is sent";
+    case Guidance::kEnded:
+      return "broadcast daemon gone, trajectory ended: nothing is sent any more";
+  }
+  return "?";
+}
+
+// The flight modes in which targets are obeyed, by name.
+std::string mode_of(const mavlink::Heartbeat& heartbeat) {
+  const std::uint32_t mode = heartbeat.custom_mode;
+  if (heartbeat.autopilot == mavlink::Heartbeat::kPx4 && (mode >> 16 & 0xFF) == 6) return "offboard mode";
+  if (heartbeat.autopilot == mavlink::Heartbeat::kArdupilot && mode == 4) return "guided mode";
+  return fmt::format("mode {:#x}", mode);
+}
+
+// " NAME N" for every reason that occurred.
+template <class Reason, class Count>
+std::string list(int reasons, const Count& count) {
+  std::string text;
+  for (int i = 0; i < reasons; ++i) {
+    const auto reason = static_cast<Reason>(i);
+    if (const std::int64_t n = count(reason); n > 0)
+      text += fmt::format("{}{} {}", text.empty() ? "" : ", ", to_string(reason), n);
+  }
+  return text.empty() ? "none" : text;
+}
+
+std::string summary(std::int64_t now_us, const BridgeReport& bridge, const LinkReport& link,
+                    const mavlink::Parser& parser) {
+  const std::string controller =
+      bridge.heartbeat_us
+          ? fmt::format("{:.1f} s ago, {}, {}", 1e-6 * static_cast<double>(now_us - *bridge.heartbeat_us),
+                        bridge.armed() ? "armed" : "disarmed", mode_of(bridge.heartbeat))
+          : "never";
+  return fmt::format(
+      "{}; controller heard {}; out: {} frames ({} dropped), {} setpoints ({} late), {} of the trajectory; in: {} "
+      "frames, {} states; refused from the bus: {}; from the link: {}, strangers {}; states: {}",
+      describe(bridge.guidance), controller, link.frames_out, link.dropped, bridge.setpoints, bridge.late,
+      bridge.samples, parser.frames(), bridge.states,
+      list<Refusal>(kNumRefusals, [&](Refusal reason) { return bridge.refused[reason]; }),
+      list<mavlink::Skipped>(mavlink::kNumSkipped, [&](mavlink::Skipped reason) { return parser.skipped(reason); }),
+      link.strangers, list<StateRefusal>(kNumStateRefusals, [&](StateRefusal reason) {
+        return bridge.states_refused[static_cast<std::size_t>(reason)];
+      }));
+}
+
+}  // namespace
+
+std::vector<LogLine> BridgeLog::update(std::int64_t now_us, const BridgeReport& bridge, const LinkReport& link,
+                                       const mavlink::Parser& parser) {
+  Seen now;
+  now.connected = link.connected;
+  now.peer = link.peer;
+  now.heard = bridge.heartbeat_us && now_us - *bridge.heartbeat_us < kSilence_us;
+  now.armed = bridge.armed();
+  now.mode = bridge.heartbeat_us ? mode_of(bridge.heartbeat) : "";
+  now.version_1 = parser.skipped(mavlink::Skipped::kMavlink1) > 0;
+  now.guidance = bridge.guidance;
+  now.restarts = bridge.restarts;
+
+  std::vector<LogLine> lines;
+  const auto add = [&lines](bool warning, std::string_view text) {
+    LogLine& line = lines.emplace_back();
+    line.warning = warning;
+    line.text = text;
+  };
+  if (now.connected && (!seen_.connected || now.peer != seen_.peer)) add(false, "link to " + now.peer);
+  if (!now.connected && seen_.connected) add(true, "lost " + seen_.peer + "; it is tried again every second");
+  if (now.heard && !seen_.heard) add(false, "the controller is there");
+  if (!now.heard && seen_.heard) add(true, "the controller is silent");
+  if (now.heard && (!seen_.heard || now.armed != seen_.armed || now.mode != seen_.mode))
+    add(false, fmt::format("the controller is {}, {}", now.armed ? "armed" : "disarmed", now.mode));
+  if (now.restarts != seen_.restarts)
+    add(true, "the controller has restarted: its origin and its north may be others now");
+  if (now.version_1 && !seen_.version_1)
+    add(true,
+        "the controller speaks MAVLink 1: it must speak version 2 (PX4: MAV_PROTO_VER 2, ArduPilot: "
+        "SERIALn_PROTOCOL 2)");
+  if (now.guidance != seen_.guidance) {
+    const bool good = now.guidance == Guidance::kNone || now.guidance == Guidance::kSetpoints;
+    add(!good, describe(now.guidance));
+  }
+  seen_ = now;
+
+  if (!next_summary_us_) next_summary_us_ = now_us + kSummaryPeriod_us;
+  if (now_us >= *next_summary_us_ || *next_summary_us_ > now_us + kSummaryPeriod_us) {
+    add(false, summary(now_us, bridge, link, parser));
+    next_summary_us_ = now_us + kSummaryPeriod_us;
+  }
+  return lines;
+}
+
+}  // namespace swarm

@@ -1,0 +1,37 @@
+// What the bridge tells its operator: changes as they come, and every ten seconds where things stand.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "tools/bridge/bridge_node.h"
+#include "tools/bridge/controller_link.h"
+
+namespace swarm {
+
+struct LogLine {
+  bool warning = false;
+  std::string text;
+};
+
+class BridgeLog {
+ public:
+  // What there is to say at `now_us`. To be called some ten times a second.
+  std::vector<LogLine> update(std::int64_t now_us, const BridgeReport& bridge, const LinkReport& link,
+                              const mavlink::Parser& parser);
+
+ private:
+  struct Seen {
+    bool connected = false, heard = false, armed = false, version_1 = false;
+    std::string peer, mode;
+    Guidance guidance = Guidance::kNone;
+    std::int64_t restarts = 0;
+  };
+
+  Seen seen_;
+  std::optional<std::int64_t> next_summary_us_;
+};
+
+}  // namespace swarm

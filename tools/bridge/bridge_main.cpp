@@ -1,0 +1,88 @@
+// mavlink_bridge: see bridge_node.h.
+#include <spdlog/spdlog.h>
+
+#include <boost/asio/steady_timer.hpp>
+#include <chrono>
+
+#include "lcmtypes/bus/realtime_host.h"
+#include "tools/bridge/bridge_log.h"
+#include "tools/bridge/bridge_node.h"
+#include "tools/bridge/controller_link.h"
+
+namespace swarm {
+namespace {
+
+// The link to the controller and the log, in the host's event loop.
+class BridgeEnds {
+ public:
+  BridgeEnds(RealtimeHost& host, BridgeNode& node, const BridgeConfig& config, const std::string& link)
+      : host_(host),
+        node_(node),
+        timer_(host.io()),
+        link_(ControllerLink::open(
+            host.io(), LinkAddress::parse(link), controller_of(config), [this](const mavlink::Message& message) {
+              host_.deliver(node_,
+                            [&](std::int64_t now_us, Outbox& outbox) { node_.on_frame(now_us, message, outbox); });
+            })) {
+    tell();
+  }
+
+  void send(std::span<const std::uint8_t> frame) { link_->send(frame); }
+
+ private:
+  void tell() {
+    for (const LogLine& line : log_.update(wall_utime(), node_.report(), link_->report(), link_->parser()))
+      spdlog::log(line.warning ? spdlog::level::warn : spdlog::level::info, line.text);
+    timer_.expires_after(std::chrono::milliseconds(100));
+    timer_.async_wait([this](const boost::system::error_code& error) {
+      if (!error) tell();
+    });
+  }
+
+  RealtimeHost& host_;
+  BridgeNode& node_;
+  boost::asio::steady_timer timer_;
+  BridgeLog log_;
+  std::unique_ptr<ControllerLink> link_;
+};
+
+int run(int argc, const char* const* argv) {
+  BridgeConfig config;
+  std::string link = "udp:14540";
+  BridgeNode* node = nullptr;
+  std::weak_ptr<BridgeEnds> ends;
+  return daemon_main(
+      "mavlink_bridge",
+      "Leads a flight controller that speaks MAVLink 2 (PX4: offboard mode, ArduPilot: guided mode) along the "
+      "setpoints "
+      "of\n"
+      "the broadcast daemon, along the committed trajectory while there are none, and publishes the robot's state.",
+      argc, argv, DaemonBuses::kOnboard,
+      [&](OptionSet& options) {
+        declare(options, config);
+        options.add("link", &link,
+                    "to the flight controller: udp:PORT (waits for it on 127.0.0.1), udp:HOST:PORT or "
+                    "serial:DEVICE:BAUD",
+                    [](const std::string& text) { (void)LinkAddress::parse(text); });
+      },
+      [&] {
+        auto made = std::make_unique<BridgeNode>(config, static_cast<std::int32_t>(wall_utime() / 1'000'000),
+                                                 [&ends](std::span<const std::uint8_t> frame) {
+                                                   if (const auto open = ends.lock()) open->send(frame);
+                                                 });
+        node = made.get();
+        return made;
+      },
+      [&](RealtimeHost& host) {
+        auto made = std::make_shared<BridgeEnds>(host, *node, config, link);
+        ends = made;
+        return made;
+      });
+}
+
+}  // namespace
+}  // namespace swarm
+
+int main(int argc, char** argv) {
+  return swarm::run(argc, argv);
+}

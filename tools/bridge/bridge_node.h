@@ -1,0 +1,134 @@
+// Between the onboard bus and a flight controller that speaks MAVLink 2: setpoints go out, the robot's state comes in.
+// A broadcast daemon that dies does not stop the robot in the air: the bridge follows the committed trajectory itself.
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <span>
+
+#include "lcmtypes/bus/header_source.h"
+#include "lcmtypes/bus/node.h"
+#include "lcmtypes/bus/option_set.h"
+#include "planner_daemon/trajectory.h"
+#include "tools/bridge/mavlink.h"
+#include "tools/bridge/ned_frame.h"
+
+namespace swarm {
+
+struct BridgeConfig {
+  int robot_id = 0;
+  int target_system = 1, target_component = 1;       // the flight controller; component 0: any
+  int system_id = 0, component_id = 191;             // this bridge; system 0: the controller's
+  double north_rad = 0.0;                            // yaw of north in W
+  Eigen::Vector3d origin = Eigen::Vector3d::Zero();  // of the controller's local frame in W [m]
+  double state_delay_s = 0.0;                        // a state is older than its arrival by this
+  bool publish_state = true;
+  double timeout_s = 0.5;      // no setpoint and no announcement for so long: the broadcast daemon is gone
+  double clock_limit_s = 0.1;  // the robot's own messages from further in the future are refused
+};
+
+void declare(OptionSet& options, BridgeConfig& config);
+
+mavlink::Sender bridge_of(const BridgeConfig& config);
+mavlink::Sender controller_of(const BridgeConfig& config);
+
+// What the controller is led by.
+enum class Guidance : std::uint8_t {
+  kNone,        // no setpoint yet: nothing is sent but heartbeats
+  kSetpoints,   // as they come
+  kTrajectory,  // no setpoints for 50 ms: the committed trajectory, sampled here
+  kLost,        // no setpoints, and no committed trajectory was ever heard
+  kEnded,       // the broadcast daemon is gone and the trajectory has ended: the controller is left to itself
+};
+
+// Why a state of the controller was not passed on.
+enum class StateRefusal : std::uint8_t {
+  kOld,         // not newer than the one before, by the controller's own clock
+  kValue,       // not finite or out of range
+  kNoAttitude,  // no attitude within half a second
+};
+inline constexpr int kNumStateRefusals = 3;
+const char* to_string(StateRefusal reason);
+
+struct BridgeReport {
+  Guidance guidance = Guidance::kNone;
+  std::optional<std::int64_t> heartbeat_us;  // when the controller was last heard
+  mavlink::Heartbeat heartbeat;              // of the controller
+  std::int64_t setpoints = 0;                // passed on
+  std::int64_t late = 0;                     // not passed on: older than what was sent already
+  std::int64_t samples = 0;                  // of the committed trajectory, sent
+  std::int64_t states = 0;                   // published
+  std::int64_t restarts = 0;                 // of the controller
+  RefusalCounts refused;                     // messages from the bus
+  std::array<std::int64_t, kNumStateRefusals> states_refused{};
+
+  bool armed() const { return (heartbeat.base_mode & mavlink::Heartbeat::kArmed) != 0; }
+};
+
+class BridgeNode : public Node {
+ public:
+  // A whole frame for the controller; the bytes are valid during the call only.
+  using FrameSink = std::function<void(std::span<const std::uint8_t>)>;
+
+  // `boot` as in HeaderSource.
+  BridgeNode(const BridgeConfig& config, std::int32_t boot, FrameSink sink);
+
+  std::vector<Subscription> subscriptions() const override;
+  void on_message(std::int64_t now_us, BusId bus, std::string_view channel, std::span<const std::uint8_t> bytes,
+                  Outbox& outbox) override;
+  // A message of the controller; a step has to follow.
+  void on_frame(std::int64_t now_us, const mavlink::Message& message, Outbox& outbox);
+  std::int64_t step(std::int64_t now_us, Outbox& outbox) override;
+
+  const BridgeReport& report() const { return report_; }
+
+ private:
+  // Whether times of the controller's clock go on. Modulo 2^32 ms.
+  class BootClock {
+   public:
+    enum class Verdict { kNewer, kOld, kRestarted };
+    Verdict pass(std::uint32_t time_ms);
+
+   private:
+    std::optional<std::uint32_t> newest_ms_, suspect_ms_;
+  };
+
+  Refusal on_setpoint(std::int64_t now_us, std::span<const std::uint8_t> bytes);
+  Refusal on_announcement(std::int64_t now_us, std::span<const std::uint8_t> bytes);
+  void on_controller(std::int64_t now_us, const mavlink::Heartbeat& heartbeat);
+  void on_controller(std::int64_t now_us, const mavlink::Attitude& attitude);
+  void on_controller(std::int64_t now_us, const mavlink::LocalPositionNed& local, Outbox& outbox);
+  // False when it is refused. A restart of the controller is one of both clocks.
+  bool pass(BootClock* clock, std::uint32_t time_ms);
+  void refuse(StateRefusal reason) { ++report_.states_refused[static_cast<std::size_t>(reason)]; }
+
+  void follow_clock(std::int64_t now_us);
+  std::int64_t guide(std::int64_t now_us);
+  void send_target(std::int64_t utime, const MotionState& state, double yaw_rad, double yaw_rate);
+  void send(const mavlink::Message& message) { sink_(encoder_.encode(message)); }
+
+  BridgeConfig config_;
+  FrameSink sink_;
+  NedFrame frame_;
+  mavlink::Encoder encoder_;
+  HeaderSource state_headers_;
+  SequenceGate setpoint_gate_, announcement_gate_;
+  BridgeReport report_;
+
+  std::optional<std::int64_t> start_us_;
+  std::int64_t now_us_ = 0;
+  std::int64_t setpoint_heard_us_ = 0, announcement_heard_us_ = 0;
+  std::int64_t sent_utime_ = 0;  // of the newest target
+  std::int64_t next_sample_us_ = 0, next_heartbeat_us_ = 0;
+  double yaw_ = 0.0;              // of the newest setpoint, in W
+  std::optional<Motion> motion_;  // what the robot is bound to
+
+  BootClock position_clock_, attitude_clock_;
+  std::optional<std::int64_t> attitude_us_;  // when it was heard
+  double attitude_yaw_ = 0.0;                // in W
+};
+
+}  // namespace swarm
