@@ -10,17 +10,17 @@ namespace {
 constexpr std::int64_t kSummaryPeriod_us = 10'000'000;
 constexpr std::int64_t kSilence_us = 3'000'000;  // without a heartbeat: the controller is gone
 
-const char* describe(Guidance guidance) {
-  switch (guidance) {
-    case Guidance::kNone:
+const char* describe(LedBy led_by) {
+  switch (led_by) {
+    case LedBy::kNone:
       return "no setpoint yet";
-    case Guidance::kSetpoints:
+    case LedBy::kSetpoints:
       return "following setpoints";
-    case Guidance::kTrajectory:
+    case LedBy::kTrajectory:
       return "following the committed trajectory";
-    case Guidance::kLost:
+    case LedBy::kLost:
       return "no setpoints and no committed trajectory: nothing is sent";
-    case Guidance::kEnded:
+    case LedBy::kEnded:
       return "broadcast daemon gone, trajectory ended: nothing is sent any more";
   }
   return "?";
@@ -56,8 +56,8 @@ std::string summary(std::int64_t now_us, const BridgeReport& bridge, const LinkR
   return fmt::format(
       "{}; controller heard {}; out: {} frames ({} dropped), {} setpoints ({} late), {} of the trajectory; in: {} "
       "frames, {} states; refused from the bus: {}; from the link: {}, strangers {}; states: {}",
-      describe(bridge.guidance), controller, link.frames_out, link.dropped, bridge.setpoints, bridge.late,
-      bridge.samples, parser.frames(), bridge.states,
+      describe(bridge.led_by), controller, link.frames_out, link.dropped, bridge.setpoints, bridge.late, bridge.samples,
+      parser.frames(), bridge.states,
       list<Refusal>(kNumRefusals, [&](Refusal reason) { return bridge.refused[reason]; }),
       list<mavlink::Skipped>(mavlink::kNumSkipped, [&](mavlink::Skipped reason) { return parser.skipped(reason); }),
       link.strangers, list<StateRefusal>(kNumStateRefusals, [&](StateRefusal reason) {
@@ -76,7 +76,7 @@ std::vector<LogLine> BridgeLog::update(std::int64_t now_us, const BridgeReport& 
   now.armed = bridge.armed();
   now.mode = bridge.heartbeat_us ? mode_of(bridge.heartbeat) : "";
   now.version_1 = parser.skipped(mavlink::Skipped::kMavlink1) > 0;
-  now.guidance = bridge.guidance;
+  now.led_by = bridge.led_by;
   now.restarts = bridge.restarts;
 
   std::vector<LogLine> lines;
@@ -97,9 +97,9 @@ std::vector<LogLine> BridgeLog::update(std::int64_t now_us, const BridgeReport& 
     add(true,
         "the controller speaks MAVLink 1: it must speak version 2 (PX4: MAV_PROTO_VER 2, ArduPilot: "
         "SERIALn_PROTOCOL 2)");
-  if (now.guidance != seen_.guidance) {
-    const bool good = now.guidance == Guidance::kNone || now.guidance == Guidance::kSetpoints;
-    add(!good, describe(now.guidance));
+  if (now.led_by != seen_.led_by) {
+    const bool good = now.led_by == LedBy::kNone || now.led_by == LedBy::kSetpoints;
+    add(!good, describe(now.led_by));
   }
   seen_ = now;
 

@@ -26,7 +26,7 @@ class BridgeLog {
   struct Seen {
     bool connected = false, heard = false, armed = false, version_1 = false;
     std::string peer, mode;
-    Guidance guidance = Guidance::kNone;
+    LedBy led_by = LedBy::kNone;
     std::int64_t restarts = 0;
   };
 

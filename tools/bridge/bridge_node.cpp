@@ -128,7 +128,7 @@ Refusal BridgeNode::on_setpoint(std::int64_t now_us, std::span<const std::uint8_
     ++report_.setpoints;
     send_target(utime, state, setpoint.yaw, setpoint.yaw_rate);
   }
-  report_.guidance = Guidance::kSetpoints;
+  report_.led_by = LedBy::kSetpoints;
   return Refusal::kNone;
 }
 
@@ -243,19 +243,19 @@ void BridgeNode::follow_clock(std::int64_t now_us) {
 
 // Sends what is due of the committed trajectory; returns when to look again.
 std::int64_t BridgeNode::guide(std::int64_t now_us) {
-  if (report_.guidance == Guidance::kNone || report_.guidance == Guidance::kEnded) return kNever;
+  if (report_.led_by == LedBy::kNone || report_.led_by == LedBy::kEnded) return kNever;
   const std::int64_t missing_us = setpoint_heard_us_ + kSetpointTimeout_us;
   if (now_us < missing_us) return missing_us;
   if (!motion_) {
-    report_.guidance = Guidance::kLost;
+    report_.led_by = LedBy::kLost;
     return kNever;
   }
   const std::int64_t gone_us = std::max(setpoint_heard_us_, announcement_heard_us_) + to_us(config_.timeout_s);
   if (now_us >= std::max(gone_us, motion_->end_utime()) + kRest_us) {
-    report_.guidance = Guidance::kEnded;
+    report_.led_by = LedBy::kEnded;
     return kNever;
   }
-  report_.guidance = Guidance::kTrajectory;
+  report_.led_by = LedBy::kTrajectory;
   if (now_us >= next_sample_us_) {
     ++report_.samples;
     send_target(now_us, motion_->at(now_us), yaw_, 0.0);

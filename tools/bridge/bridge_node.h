@@ -36,7 +36,7 @@ mavlink::Sender bridge_of(const BridgeConfig& config);
 mavlink::Sender controller_of(const BridgeConfig& config);
 
 // What the controller is led by.
-enum class Guidance : std::uint8_t {
+enum class LedBy : std::uint8_t {
   kNone,        // no setpoint yet: nothing is sent but heartbeats
   kSetpoints,   // as they come
   kTrajectory,  // no setpoints for 50 ms: the committed trajectory, sampled here
@@ -54,7 +54,7 @@ inline constexpr int kNumStateRefusals = 3;
 const char* to_string(StateRefusal reason);
 
 struct BridgeReport {
-  Guidance guidance = Guidance::kNone;
+  LedBy led_by = LedBy::kNone;
   std::optional<std::int64_t> heartbeat_us;  // when the controller was last heard
   mavlink::Heartbeat heartbeat;              // of the controller
   std::int64_t setpoints = 0;                // passed on
