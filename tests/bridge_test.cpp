@@ -262,6 +262,36 @@ TEST(BridgeProgram, ASerialDeviceMayVanishAndComeBack) {
   EXPECT_TRUE(bridge->program.running());
 }
 
+// What the device does not take in time is dropped: after a pause the newest setpoints come, not those that waited.
+TEST(BridgeProgram, DropsTheOldestWhenTheDeviceIsSlow) {
+  SerialEndpoint endpoint;
+  Bridge bridge("serial:" + endpoint.device() + ":57600", endpoint);
+  const Trajectory hover = Trajectory::hover(1, wall_utime(), {0, 0, 1});
+  ASSERT_TRUE(bridge.live(10.0, [&] {
+    bridge.say(hover);
+    return bridge.autopilot.targets.size() > 20;
+  })) << bridge.program.err();
+  const std::int64_t before_us = wall_utime(), before_ms = bridge.autopilot.targets.back().time_boot_ms;
+  wait_for(4.0, [&] {  // nobody reads
+    bridge.say(hover);
+    return false;
+  });
+  bridge.live(0.3, [&] {
+    bridge.say(hover);
+    return false;
+  });
+  const auto& targets = bridge.autopilot.targets;
+  std::int64_t longest_ms = 0;
+  for (std::size_t i = 1; i < targets.size(); ++i) {
+    ASSERT_GE(targets[i].time_boot_ms, targets[i - 1].time_boot_ms);
+    longest_ms = std::max<std::int64_t>(longest_ms, targets[i].time_boot_ms - targets[i - 1].time_boot_ms);
+  }
+  const std::int64_t behind_ms = (wall_utime() - before_us) / 1000 - (targets.back().time_boot_ms - before_ms);
+  EXPECT_GT(longest_ms, 500) << targets.size();
+  EXPECT_LT(behind_ms, kSanitized ? 500 : 150);
+  EXPECT_EQ(bridge.autopilot.parser().skipped(mavlink::Skipped::kChecksum), 0);
+}
+
 // Only the controller's own system id makes somebody the controller, and the first stays it.
 TEST(BridgeProgram, AnswersTheControllerAndNobodyElse) {
   UdpEndpoint endpoint, stranger, late;

@@ -9,6 +9,7 @@
 #include <unistd.h>
 
 #include <array>
+#include <boost/asio/post.hpp>
 #include <chrono>
 #include <csignal>
 #include <cstdio>
@@ -320,6 +321,32 @@ TEST_F(LcmBusTest, HostRunsSeveralNodesUntilStopped) {
   host.run();
   stopper.join();
   EXPECT_GE(heard, 3);
+}
+
+// What does not come over a bus: the node speaks through the host all the same, and steps after it.
+TEST_F(LcmBusTest, HostDeliversToItsNodes) {
+  ToyNode node, stranger;
+  RealtimeHost host;
+  host.add("toy", node, test_url(4), test_url(6));
+  EXPECT_THROW(host.deliver(stranger, [](std::int64_t, Outbox&) {}), std::invalid_argument);
+  std::int64_t time_us = 0;
+  boost::asio::post(host.io(), [&] {
+    host.deliver(node, [&](std::int64_t now_us, Outbox& outbox) {
+      time_us = now_us;
+      outbox.publish_bytes(BusId::kOnboard, "PONG", Bytes{7});
+    });
+  });
+  int heard = 0;
+  LcmBus onboard(test_url(4));
+  onboard.subscribe("PONG", [&](auto, auto) { ++heard; });
+  std::thread stopper([&] {
+    wait_until(onboard, [&] { return heard >= 1; });
+    host.stop();
+  });
+  host.run();
+  stopper.join();
+  EXPECT_EQ(heard, 1);
+  EXPECT_NEAR(static_cast<double>(wall_utime() - time_us), 0.0, 10e6);
 }
 
 TEST_F(LcmBusTest, HostRefusesANodeWithoutItsBus) {

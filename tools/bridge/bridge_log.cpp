@@ -34,18 +34,6 @@ std::string mode_of(const mavlink::Heartbeat& heartbeat) {
   return fmt::format("mode {:#x}", mode);
 }
 
-// " NAME N" for every reason that occurred.
-template <class Reason, class Count>
-std::string list(int reasons, const Count& count) {
-  std::string text;
-  for (int i = 0; i < reasons; ++i) {
-    const auto reason = static_cast<Reason>(i);
-    if (const std::int64_t n = count(reason); n > 0)
-      text += fmt::format("{}{} {}", text.empty() ? "" : ", ", to_string(reason), n);
-  }
-  return text.empty() ? "none" : text;
-}
-
 std::string summary(std::int64_t now_us, const BridgeReport& bridge, const LinkReport& link,
                     const mavlink::Parser& parser) {
   const std::string controller =
@@ -55,12 +43,14 @@ std::string summary(std::int64_t now_us, const BridgeReport& bridge, const LinkR
           : "never";
   return fmt::format(
       "{}; controller heard {}; out: {} frames ({} dropped), {} setpoints ({} late), {} of the trajectory; in: {} "
-      "frames, {} states; refused from the bus: {}; from the link: {}, strangers {}; states: {}",
+      "frames, {} states; refused from the bus: {}; passed over from the link: {}, strangers {}; states not passed on: "
+      "{}",
       describe(bridge.led_by), controller, link.frames_out, link.dropped, bridge.setpoints, bridge.late, bridge.samples,
       parser.frames(), bridge.states,
-      list<Refusal>(kNumRefusals, [&](Refusal reason) { return bridge.refused[reason]; }),
-      list<mavlink::Skipped>(mavlink::kNumSkipped, [&](mavlink::Skipped reason) { return parser.skipped(reason); }),
-      link.strangers, list<StateRefusal>(kNumStateRefusals, [&](StateRefusal reason) {
+      list_counts<Refusal>(kNumRefusals, [&](Refusal reason) { return bridge.refused[reason]; }),
+      list_counts<mavlink::Skipped>(mavlink::kNumSkipped,
+                                    [&](mavlink::Skipped reason) { return parser.skipped(reason); }),
+      link.strangers, list_counts<StateRefusal>(kNumStateRefusals, [&](StateRefusal reason) {
         return bridge.states_refused[static_cast<std::size_t>(reason)];
       }));
 }
@@ -80,11 +70,7 @@ std::vector<LogLine> BridgeLog::update(std::int64_t now_us, const BridgeReport& 
   now.restarts = bridge.restarts;
 
   std::vector<LogLine> lines;
-  const auto add = [&lines](bool warning, std::string_view text) {
-    LogLine& line = lines.emplace_back();
-    line.warning = warning;
-    line.text = text;
-  };
+  const auto add = [&lines](bool warning, std::string_view text) { add_line(&lines, warning, text); };
   if (now.connected && (!seen_.connected || now.peer != seen_.peer)) add(false, "link to " + now.peer);
   if (!now.connected && seen_.connected) add(true, "lost " + seen_.peer + "; it is tried again every second");
   if (now.heard && !seen_.heard) add(false, "the controller is there");

@@ -8,13 +8,9 @@
 
 #include "tools/bridge/bridge_node.h"
 #include "tools/bridge/controller_link.h"
+#include "tools/bridge/log_line.h"
 
 namespace swarm {
-
-struct LogLine {
-  bool warning = false;
-  std::string text;
-};
 
 class BridgeLog {
  public:

@@ -1,6 +1,4 @@
 // mavlink_bridge: see bridge_node.h.
-#include <spdlog/spdlog.h>
-
 #include <boost/asio/steady_timer.hpp>
 #include <chrono>
 
@@ -24,18 +22,20 @@ class BridgeEnds {
               host_.deliver(node_,
                             [&](std::int64_t now_us, Outbox& outbox) { node_.on_frame(now_us, message, outbox); });
             })) {
-    tell();
+    tell_soon();
   }
 
   void send(std::span<const std::uint8_t> frame) { link_->send(frame); }
 
  private:
-  void tell() {
-    for (const LogLine& line : log_.update(wall_utime(), node_.report(), link_->report(), link_->parser()))
-      spdlog::log(line.warning ? spdlog::level::warn : spdlog::level::info, line.text);
+  void tell_soon() {
     timer_.expires_after(std::chrono::milliseconds(100));
     timer_.async_wait([this](const boost::system::error_code& error) {
-      if (!error) tell();
+      if (error) return;
+      host_.deliver(node_, [this](std::int64_t now_us, Outbox&) {
+        write(log_.update(now_us, node_.report(), link_->report(), link_->parser()));
+      });
+      tell_soon();
     });
   }
 

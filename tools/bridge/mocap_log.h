@@ -1,0 +1,25 @@
+// What the motion capture input tells its operator: changes as they come, and every ten seconds where things stand.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "tools/bridge/log_line.h"
+#include "tools/bridge/mocap_node.h"
+
+namespace swarm {
+
+class MocapLog {
+ public:
+  // What there is to say at `now_us`. To be called some ten times a second.
+  std::vector<LogLine> update(std::int64_t now_us, const MocapReport& report);
+
+ private:
+  bool heard_ = false;
+  int obstacles_ = 0;
+  std::int64_t refused_ = 0;
+  std::optional<std::int64_t> next_summary_us_, next_refusal_us_;
+};
+
+}  // namespace swarm
