@@ -132,9 +132,23 @@ TEST(BridgeLog, TellsChangesOnceAndTheStateOfThingsEveryTenSeconds) {
                            "refused from the bus: none", "states not passed on: old 2", "1 states"})
     EXPECT_NE(summary.find(part), summary.npos) << part << "\n" << summary;
   EXPECT_EQ(lines(), "");
+  flight.now_us += 1000;
+  flight.say_setpoint(at_rest({0, 0, 2.5}));
+  flight.hear(mavlink::LocalPositionNed{120, {0, 0, -1}, {}});
+  EXPECT_EQ(lines(),
+            "- following setpoints\n! the robot is 1.5 m from its target: do not switch to the mode that goes there\n");
+  flight.hear(mavlink::LocalPositionNed{140, {0, 0, -1.9f}, {}});
+  EXPECT_EQ(lines(), "");
+  flight.hear(mavlink::LocalPositionNed{160, {0, 0, -2.1f}, {}});
+  EXPECT_EQ(lines(), "- the robot is at its target\n");
   link.connected = false;
-  link.peer = "";
-  EXPECT_EQ(lines(), "! lost 127.0.0.1:14580; it is tried again every second\n");
+  link.peer = "/dev/ttyTHS1";
+  link.lost = 1;
+  EXPECT_EQ(lines(), "! lost /dev/ttyTHS1; it is tried again every second\n");
+  link.connected = true;
+  link.lost = 2;  // back, gone and back
+  EXPECT_EQ(lines(), "! lost /dev/ttyTHS1; it is tried again every second\n- link to /dev/ttyTHS1\n");
+  EXPECT_EQ(lines(), "");
 }
 
 // Through the bridge, over the wire, to the autopilot and back: the robot is where its setpoints were.

@@ -9,6 +9,7 @@ namespace {
 
 constexpr std::int64_t kSummaryPeriod_us = 10'000'000;
 constexpr std::int64_t kSilence_us = 3'000'000;  // without a heartbeat: the controller is gone
+constexpr double kOff_m = 1.0, kNear_m = 0.5;    // from its target: the robot will not get there gently
 
 const char* describe(LedBy led_by) {
   switch (led_by) {
@@ -62,17 +63,20 @@ std::vector<LogLine> BridgeLog::update(std::int64_t now_us, const BridgeReport& 
   Seen now;
   now.connected = link.connected;
   now.peer = link.peer;
+  now.lost = link.lost;
   now.heard = bridge.heartbeat_us && now_us - *bridge.heartbeat_us < kSilence_us;
   now.armed = bridge.armed();
   now.mode = bridge.heartbeat_us ? mode_of(bridge.heartbeat) : "";
   now.version_1 = parser.skipped(mavlink::Skipped::kMavlink1) > 0;
   now.led_by = bridge.led_by;
+  now.off = bridge.off_m > (seen_.off ? kNear_m : kOff_m);
   now.restarts = bridge.restarts;
 
   std::vector<LogLine> lines;
   const auto add = [&lines](bool warning, std::string_view text) { add_line(&lines, warning, text); };
-  if (now.connected && (!seen_.connected || now.peer != seen_.peer)) add(false, "link to " + now.peer);
-  if (!now.connected && seen_.connected) add(true, "lost " + seen_.peer + "; it is tried again every second");
+  if (now.lost != seen_.lost) add(true, "lost " + now.peer + "; it is tried again every second");
+  if (now.connected && (!seen_.connected || now.peer != seen_.peer || now.lost != seen_.lost))
+    add(false, "link to " + now.peer);
   if (now.heard && !seen_.heard) add(false, "the controller is there");
   if (!now.heard && seen_.heard) add(true, "the controller is silent");
   if (now.heard && (!seen_.heard || now.armed != seen_.armed || now.mode != seen_.mode))
@@ -87,6 +91,10 @@ std::vector<LogLine> BridgeLog::update(std::int64_t now_us, const BridgeReport& 
     const bool good = now.led_by == LedBy::kNone || now.led_by == LedBy::kSetpoints;
     add(!good, describe(now.led_by));
   }
+  if (now.off && !seen_.off)
+    add(true,
+        fmt::format("the robot is {:.1f} m from its target: do not switch to the mode that goes there", bridge.off_m));
+  if (!now.off && seen_.off) add(false, "the robot is at its target");
   seen_ = now;
 
   if (!next_summary_us_) next_summary_us_ = now_us + kSummaryPeriod_us;

@@ -20,10 +20,10 @@ class BridgeLog {
 
  private:
   struct Seen {
-    bool connected = false, heard = false, armed = false, version_1 = false;
+    bool connected = false, heard = false, armed = false, version_1 = false, off = false;
     std::string peer, mode;
     LedBy led_by = LedBy::kNone;
-    std::int64_t restarts = 0;
+    std::int64_t restarts = 0, lost = 0;
   };
 
   Seen seen_;

@@ -53,10 +53,9 @@ int run(int argc, const char* const* argv) {
   std::weak_ptr<BridgeEnds> ends;
   return daemon_main(
       "mavlink_bridge",
-      "Leads a flight controller that speaks MAVLink 2 (PX4: offboard mode, ArduPilot: guided mode) along the "
-      "setpoints "
-      "of\n"
-      "the broadcast daemon, along the committed trajectory while there are none, and publishes the robot's state.",
+      "Leads a flight controller that speaks MAVLink 2 (PX4: offboard mode, ArduPilot: guided mode) along the\n"
+      "setpoints of the broadcast daemon, along the committed trajectory while there are none, and publishes the\n"
+      "robot's state.",
       argc, argv, DaemonBuses::kOnboard,
       [&](OptionSet& options) {
         declare(options, config);

@@ -175,6 +175,7 @@ void BridgeNode::on_controller(std::int64_t now_us, const mavlink::LocalPosition
   const Eigen::Vector3d position = frame_.position_to_world(to_vector(local.position));
   const Eigen::Vector3d velocity = frame_.to_world(to_vector(local.velocity));
   if (!within(position, kMaxPosition) || !within(velocity, kMaxVelocity)) return refuse(StateRefusal::kValue);
+  if (target_) report_.off_m = (position - *target_).norm();
   if (!attitude_us_ || now_us - *attitude_us_ > kAttitudeAge_us) return refuse(StateRefusal::kNoAttitude);
   if (!config_.publish_state) return;
   sogm_swarm::robot_state_t state{};
@@ -277,6 +278,7 @@ void BridgeNode::send_target(std::int64_t utime, const MotionState& state, doubl
   target.target_component = to_byte(config_.target_component);
   send(target);
   sent_utime_ = utime;
+  target_ = state.position;
 }
 
 }  // namespace swarm

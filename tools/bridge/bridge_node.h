@@ -62,6 +62,7 @@ struct BridgeReport {
   std::int64_t samples = 0;                  // of the committed trajectory, sent
   std::int64_t states = 0;                   // published
   std::int64_t restarts = 0;                 // of the controller
+  double off_m = 0.0;                        // how far the robot was from its target when both were known last [m]
   RefusalCounts refused;                     // messages from the bus
   std::array<std::int64_t, kNumStateRefusals> states_refused{};
 
@@ -121,7 +122,8 @@ class BridgeNode : public Node {
   std::optional<std::int64_t> start_us_;
   std::int64_t now_us_ = 0;
   std::int64_t setpoint_heard_us_ = 0, announcement_heard_us_ = 0;
-  std::int64_t sent_utime_ = 0;  // of the newest target
+  std::int64_t sent_utime_ = 0;            // of the newest target,
+  std::optional<Eigen::Vector3d> target_;  // which is here, in W
   std::int64_t next_sample_us_ = 0, next_heartbeat_us_ = 0;
   double yaw_ = 0.0;              // of the newest setpoint, in W
   std::optional<Motion> motion_;  // what the robot is bound to

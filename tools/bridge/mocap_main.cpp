@@ -77,12 +77,10 @@ int run(int argc, const char* const* argv) {
   MocapNode* node = nullptr;
   return daemon_main(
       "mocap_input",
-      "Publishes the robot's state and the obstacles around it from motion capture. Takes UDP datagrams of one JSON "
-      "object:\n"
+      "Publishes the robot's state and the obstacles around it from motion capture. Takes UDP datagrams of one JSON\n"
+      "object, in metres, in the world frame of the maps:\n"
       "{\"t\": seconds or null, \"bodies\": [{\"name\": \"robot0\", \"position\": [x,y,z], \"quaternion\": "
-      "[w,x,y,z]}]}, in "
-      "metres,\n"
-      "in the world frame of the maps.",
+      "[w,x,y,z]}]}",
       argc, argv, DaemonBuses::kOnboard,
       [&](OptionSet& options) {
         declare(options, config);
