@@ -221,6 +221,45 @@ TEST(BridgeProgram, FliesOverASerialDevice) {
   expect_flight(bridge);
 }
 
+// With the daemon itself in place of what the tests say for it: it takes its place from the autopilot, flies a
+// candidate, and is killed in mid-flight.
+TEST(BridgeProgram, OutlivesTheBroadcastDaemon) {
+  UdpEndpoint endpoint;
+  endpoint.connect_to(link_port());
+  Bridge bridge("udp:" + std::to_string(link_port()), endpoint);
+  Program daemon({"broadcast_daemon", "--robot-id", std::to_string(kRobot), "--onboard-url", local_url(base_port()),
+                  "--swarm-url", local_url(base_port() + 1)});
+  std::optional<Motion> motion;
+  bridge.bus.subscribe(channel::kOwnTrajectory, [&](std::string_view, std::span<const std::uint8_t> bytes) {
+    sogm_swarm::announcement_t message;
+    Trajectory announced;
+    EXPECT_EQ(decode(bytes, &message), Refusal::kNone);
+    read_announcement(message, &motion.emplace(), &announced);
+  });
+  ASSERT_TRUE(bridge.live(10.0, [&] { return motion && bridge.autopilot.targets.size() > 20; }))
+      << bridge.program.err() << daemon.err();
+  const std::int64_t start_us = wall_utime() + 300'000;
+  const Trajectory flight = quintic_to(motion->at(start_us), start_us, {0.8, 0.4, 0.6}, 2.0);
+  sogm_swarm::candidate_t candidate{};
+  candidate.header = make_header(kRobot, 1, 0, wall_utime());
+  candidate.trajectory = flight.to_wire();
+  ASSERT_TRUE(bridge.bus.publish(channel::kCandidate, encoded(candidate)));
+  ASSERT_TRUE(bridge.live(10.0, [&] { return wall_utime() > start_us + 800'000; }));
+  EXPECT_GT(place_of(bridge.autopilot.targets.back()).x(), 0.1) << daemon.err();
+  EXPECT_LT(place_of(bridge.autopilot.targets.back()).x(), 0.6);
+  daemon.signal(SIGKILL);
+  EXPECT_TRUE(bridge.live(10.0, [&] { return bridge.logs("trajectory ended: nothing is sent any more"); }))
+      << bridge.program.err();
+  double fastest_mps = 0.0;
+  for (const auto& target : bridge.autopilot.targets) {
+    ASSERT_LT(distance_to(flight, place_of(target)), 2e-3) << place_of(target).transpose();
+    fastest_mps = std::max<double>(fastest_mps, target.velocity[0]);
+  }
+  EXPECT_GT(fastest_mps, 0.7);
+  EXPECT_LT((place_of(bridge.autopilot.targets.back()) - Eigen::Vector3d(0.8, 0.4, 0.6)).norm(), 1e-6);
+  EXPECT_LT((Eigen::Vector3d(bridge.states.back().position) - Eigen::Vector3d(0.8, 0.4, 0.6)).norm(), 1e-6);
+}
+
 TEST(BridgeProgram, SetsTheSerialDeviceUpForBytesAsTheyAre) {
   SerialEndpoint endpoint;
   Bridge bridge("serial:" + endpoint.device() + ":57600", endpoint);
