@@ -44,8 +44,10 @@ TEST(MocapProgram, PublishesStateAndObstacles) {
   const double begin_s = 1e-6 * static_cast<double>(wall_utime());
   EXPECT_TRUE(wait_for(15.0, [&] {
     const double t_s = 1e-6 * static_cast<double>(wall_utime()) - begin_s;
-    say(R"({"t": )" + std::to_string(t_s) + R"(, "bodies": [{"name": "drone", "position": [)" + std::to_string(t_s) +
-        R"(, 2, 1], "quaternion": [1, 0, 0, 0]}, {"name": "walker", "position": [3, 4, 0.9], "quaternion": [1,0,0,0]}]})");
+    const std::string t = std::to_string(t_s);
+    say(R"({"t": )" + t + R"(, "bodies": [{"name": "drone", "position": [)" + t +
+        R"(, 2, 1], "quaternion": [1, 0, 0, 0]}, )" +
+        R"({"name": "walker", "position": [3, 4, 0.9], "quaternion": [1, 0, 0, 0]}]})");
     bus.drain();
     return states.size() > 50 && obstacles.num_obstacles == 1;
   })) << program.err();

@@ -128,7 +128,7 @@ class SerialLink : public ControllerLink {
     }
     queue_.emplace_back(frame.begin(), frame.end());
     if (queue_.size() > kMaxQueue) {
-      queue_.erase(queue_.begin() + (writing_ ? 1 : 0));  // not what is half written
+      queue_.pop_front();
       ++report_.dropped;
     }
     if (!writing_) write();
@@ -183,15 +183,16 @@ class SerialLink : public ControllerLink {
 
   void write() {
     writing_ = true;
-    const auto buffer = boost::asio::buffer(queue_.front());
-    boost::asio::async_write(port_, buffer, [this, opened = opened_](const error_code& error, std::size_t) {
-      if (is_over(opened, error)) return;
-      if (error) return lose();
-      ++report_.frames_out;
-      queue_.pop_front();
-      writing_ = false;
-      if (!queue_.empty()) write();
-    });
+    frame_ = std::move(queue_.front());
+    queue_.pop_front();
+    boost::asio::async_write(port_, boost::asio::buffer(frame_),
+                             [this, opened = opened_](const error_code& error, std::size_t) {
+                               if (is_over(opened, error)) return;
+                               if (error) return lose();
+                               ++report_.frames_out;
+                               writing_ = false;
+                               if (!queue_.empty()) write();
+                             });
   }
 
   void lose() {
@@ -215,7 +216,8 @@ class SerialLink : public ControllerLink {
   boost::asio::serial_port port_;
   boost::asio::steady_timer timer_;
   std::array<std::uint8_t, 1024> bytes_;
-  std::deque<std::vector<std::uint8_t>> queue_;  // the first is being written
+  std::vector<std::uint8_t> frame_;  // which is being written
+  std::deque<std::vector<std::uint8_t>> queue_;
   bool writing_ = false;
   int opened_ = 0;  // how often
 };
