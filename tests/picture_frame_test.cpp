@@ -2,7 +2,8 @@
 
 #include <random>
 
-#include "tests/web_browser.h"
+#include "tests/harness.h"
+#include "tests/view_frame.h"
 #include "tools/logs/polytope_faces.h"
 #include "tools/logs/sogm_surface.h"
 

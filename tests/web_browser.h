@@ -7,18 +7,15 @@
 #include <boost/beast/core.hpp>
 #include <boost/beast/http.hpp>
 #include <boost/beast/websocket.hpp>
-#include <cstring>
 #include <memory>
-#include <nlohmann/json.hpp>
 #include <optional>
 #include <stdexcept>
 #include <string>
 
 #include "tests/harness.h"
+#include "tests/view_frame.h"
 
 namespace swarm::test {
-
-using WebJson = nlohmann::ordered_json;
 
 struct WebAnswer {
   int status = 0;
@@ -73,34 +70,6 @@ class WebSocket {
  private:
   boost::asio::io_context io_;
   boost::beast::websocket::stream<boost::asio::ip::tcp::socket> socket_;
-};
-
-// A frame of the view's stream, see tools/viewer/picture_frame.h.
-struct ViewFrame {
-  WebJson text;
-  std::string arrays;
-
-  explicit ViewFrame(const std::string& bytes) {
-    std::uint32_t length = 0;
-    if (bytes.size() < sizeof length) throw std::runtime_error("no frame");
-    std::memcpy(&length, bytes.data(), sizeof length);
-    if ((4 + length) % 4 != 0 || bytes.size() < 4 + length) throw std::runtime_error("frame of a wrong length");
-    text = WebJson::parse(bytes.substr(4, length));
-    arrays = bytes.substr(4 + length);
-  }
-  template <class Number>
-  std::vector<Number> numbers(const WebJson& place) const {
-    std::vector<Number> all(place.at("count").get<std::size_t>());
-    const std::size_t at = place.at("at").get<std::size_t>(), size = all.size() * sizeof(Number);
-    if (at % 4 != 0 || at + size > arrays.size()) throw std::runtime_error("array beyond the frame");
-    if (size > 0) std::memcpy(all.data(), arrays.data() + at, size);
-    return all;
-  }
-  const WebJson* robot(int id) const {
-    for (const WebJson& robot : text.at("robots"))
-      if (robot.at("id") == id) return &robot;
-    return nullptr;
-  }
 };
 
 // A page's end of the stream.
