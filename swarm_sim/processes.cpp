@@ -230,14 +230,6 @@ void write_config(Config config, std::int64_t clock_offset_us, const std::string
   write_file(file, text.str());
 }
 
-// All robots are on this computer: nothing of them leaves it.
-std::string onboard_url(int port) {
-  return "udpm://239.255.76.67:" + std::to_string(port) + "?ttl=0";
-}
-std::string swarm_url(int port, int ttl = 0) {
-  return "udpm://239.255.76.68:" + std::to_string(port) + "?ttl=" + std::to_string(ttl);
-}
-
 // Where the radio between robots is modelled, each has a swarm bus of its own.
 std::string own_swarm_url(int port) {
   return "udpm://239.255.76.69:" + std::to_string(port) + "?ttl=0";
@@ -261,6 +253,14 @@ void refuse_used_bus(const std::string& url) {
 
 }  // namespace
 
+std::string swarm_bus_url(int base_port, int ttl) {
+  return "udpm://239.255.76.68:" + std::to_string(base_port) + "?ttl=" + std::to_string(ttl);
+}
+
+std::string onboard_bus_url(int base_port, int robot_id) {
+  return "udpm://239.255.76.67:" + std::to_string(base_port + 33 + robot_id) + "?ttl=0";
+}
+
 RunReport run_processes(const World& world, const OccupiedCubes* static_map, const FlightOptions& options,
                         const ProcessOptions& processes, BusLog* logs, TraceWriter* trace,
                         const std::function<void(double t_s, const Simulation&)>& progress) {
@@ -269,7 +269,7 @@ RunReport run_processes(const World& world, const OccupiedCubes* static_map, con
   const std::filesystem::path out = processes.out.empty() ? temporary.path() : processes.out;
   const std::filesystem::path programs =
       processes.programs.empty() ? std::filesystem::read_symlink("/proc/self/exe").parent_path() : processes.programs;
-  const std::string swarm = swarm_url(processes.base_port);
+  const std::string swarm = swarm_bus_url(processes.base_port);
   if (processes.netns.empty() && processes.start_daemons) refuse_used_bus(swarm);
   spdlog::set_level(spdlog::level::warn);
 
@@ -288,10 +288,10 @@ RunReport run_processes(const World& world, const OccupiedCubes* static_map, con
   ChildProcesses children;
   for (std::size_t i = 0; i < world.robots.size(); ++i) {
     const WorldRobot& robot = world.robots[i];
-    const std::string onboard = onboard_url(processes.base_port + 33 + robot.id);
+    const std::string onboard = onboard_bus_url(processes.base_port, robot.id);
     const std::string netns = apart ? processes.netns + std::to_string(robot.id) : "";
     const InNamespace there(netns);
-    const std::string robots_swarm = apart     ? swarm_url(processes.base_port, 1)
+    const std::string robots_swarm = apart     ? swarm_bus_url(processes.base_port, 1)
                                      : relayed ? own_swarm_url(processes.base_port + 33 + 100 + robot.id)
                                                : swarm;
     const bool hears_swarm = relayed || apart || i == 0;

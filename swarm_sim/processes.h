@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <functional>
 #include <stdexcept>
+#include <string>
 
 #include "swarm_sim/occupied_cubes.h"
 #include "swarm_sim/report.h"
@@ -20,6 +21,10 @@ struct ProcessOptions {
   std::filesystem::path out;  // the daemons' config files and output go here; empty: a temporary directory
   std::filesystem::path programs;  // where the daemons are; empty: beside this program
 };
+
+// Buses of a swarm whose robots share one computer. They never leave it, but for a swarm bus of ttl > 0.
+std::string swarm_bus_url(int base_port, int ttl = 0);
+std::string onboard_bus_url(int base_port, int robot_id);
 
 // SIGINT or SIGTERM ended the run.
 struct Interrupted : std::runtime_error {

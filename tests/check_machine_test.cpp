@@ -28,7 +28,7 @@ class CheckMachine : public testing::Test {
     configure(text);
     std::filesystem::copy(std::filesystem::path(SWARM_SOURCE_DIR) / "tools/deploy/fragments.nft", directory_.path());
   }
-  void configure(const std::string& text) { env_ = write_text(directory_ / "robot.env", text), text_ = text; }
+  void configure(const std::string& text) { write_text(directory_ / "robot.env", text), text_ = text; }
 
   Finished check(std::vector<std::string> prefix = {}, std::vector<std::string> more = {}) {
     if (prefix.empty()) prefix = {"/usr/bin/env"};
@@ -46,7 +46,7 @@ class CheckMachine : public testing::Test {
   }
 
   TemporaryDirectory directory_;
-  std::string env_, text_;
+  std::string text_;  // of robot.env
 };
 
 TEST_F(CheckMachine, AcceptsTheConfigurationThatIsShipped) {
@@ -67,6 +67,12 @@ TEST_F(CheckMachine, NamesWhatIsConfiguredWrongly) {
       << finished.out;
   EXPECT_TRUE(says(finished, "has ttl=0: announcements never leave this computer")) << finished.out;
   EXPECT_TRUE(says(finished, "warn  configuration: robot 0 is not in its own roster 1,2")) << finished.out;
+  std::string text = replaced(text_, "RADIUS=-1", "RADIUS=0.2");
+  text = replaced(text, "CLOCK_ERROR=0.01", "CLOCK_ERROR=soon");
+  configure(replaced(text, "STATIC_MAP=", "STATIC_MAP=/no/map.bt"));
+  const Finished others = check();
+  EXPECT_TRUE(says(others, "FAIL  configuration: broadcast_daemon: --clock-error soon: must be within")) << others.out;
+  EXPECT_TRUE(says(others, "FAIL  configuration: STATIC_MAP /no/map.bt cannot be read")) << others.out;
   EXPECT_EQ(check({}, {"--seconds", "x"}).exit_code, 2);
   EXPECT_EQ(check({}, {"--nonsense"}).exit_code, 2);
   EXPECT_EQ(check({}, {"--config", "/no/such"}).err, "check_machine: /no/such/robot.env: there is no such file\n");

@@ -8,6 +8,7 @@
 
 #include "lcmtypes/bus/channels.h"
 #include "lcmtypes/bus/crc32.h"
+#include "swarm_sim/text.h"
 
 namespace swarm {
 namespace {
@@ -49,17 +50,6 @@ Eigen::Matrix<double, n, 1> numbers(const json& array, double bound, const std::
   for (int i = 0; i < n; ++i) values[i] = array[static_cast<std::size_t>(i)].get<double>();
   if (!(values.array().abs() <= bound).all()) refuse(MocapRefusal::kValue, of + ": out of range");
   return values;
-}
-
-std::vector<std::string> split(const std::string& text, char by) {
-  std::vector<std::string> parts(1);
-  for (const char c : text) {
-    if (c == by)
-      parts.emplace_back();
-    else
-      parts.back() += c;
-  }
-  return parts;
 }
 
 // Numbers within [low, high] separated by commas; empty when any is not.

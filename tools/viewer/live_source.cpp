@@ -5,6 +5,7 @@
 
 #include "lcmtypes/bus/channels.h"
 #include "lcmtypes/bus/header_source.h"
+#include "swarm_sim/processes.h"
 
 namespace swarm {
 namespace {
@@ -105,11 +106,11 @@ class LiveSource::View : public PictureSource {
 
 LiveSource::LiveSource(const Options& options, RealtimeHost* host) : options_(options) {
   const HostClock clock{options.replay ? TimeSource::kMessages : TimeSource::kClock, 0};
-  const std::string swarm = "udpm://239.255.76.68:" + std::to_string(options.base_port) + "?ttl=0";
+  const std::string swarm = swarm_bus_url(options.base_port);
   listeners_.push_back(std::make_unique<Listener>(this, BusId::kSwarm, -1, swarm));
   host->add("view", *listeners_.back(), "", swarm, clock);
   for (const int robot : options.onboard) {
-    const std::string onboard = "udpm://239.255.76.67:" + std::to_string(options.base_port + 33 + robot) + "?ttl=0";
+    const std::string onboard = onboard_bus_url(options.base_port, robot);
     listeners_.push_back(std::make_unique<Listener>(this, BusId::kOnboard, robot, onboard));
     host->add("view", *listeners_.back(), onboard, "", clock);
   }

@@ -31,7 +31,7 @@ class LiveSource {
   class Listener;
   class View;
 
-  // Sends it until the robot's planner has certainly heard it.
+  // A few times, for a bus may lose it.
   void send_goal(int robot, const Eigen::Vector3d& position);
 
   Options options_;
