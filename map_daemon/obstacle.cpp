@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "map_daemon/portable_math.h"
+#include "lcmtypes/bus/portable_math.h"
 
 namespace swarm {
 namespace {

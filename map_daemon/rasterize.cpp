@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "lcmtypes/bus/portable_math.h"
 #include "map_daemon/obstacle.h"
-#include "map_daemon/portable_math.h"
 
 namespace swarm {
 namespace {

@@ -8,11 +8,11 @@
 #include <vector>
 
 #include "map_daemon/sogm.h"
-#include "planner_daemon/corridor.h"
-#include "planner_daemon/kinodynamic_search.h"
-#include "planner_daemon/spline_qp.h"
-#include "planner_daemon/trajectory.h"
-#include "planner_daemon/zones.h"
+#include "planner_daemon/corridor/corridor.h"
+#include "planner_daemon/optimize/spline_qp.h"
+#include "planner_daemon/search/kinodynamic_search.h"
+#include "planner_daemon/space/configuration_space.h"
+#include "planner_daemon/trajectory/trajectory.h"
 
 namespace swarm {
 

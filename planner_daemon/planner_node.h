@@ -11,7 +11,7 @@
 #include "lcmtypes/bus/node.h"
 #include "lcmtypes/bus/option_set.h"
 #include "map_daemon/sogm_codec.h"
-#include "planner_daemon/commit_delay.h"
+#include "planner_daemon/coordination/commit_delay.h"
 #include "planner_daemon/planner.h"
 
 namespace swarm {

@@ -11,12 +11,12 @@
 #include <optional>
 
 #include "lcmtypes/bus/atomic_file.h"
-#include "swarm_sim/flight_arguments.h"
-#include "swarm_sim/lockstep.h"
-#include "swarm_sim/processes.h"
-#include "swarm_sim/text.h"
-#include "swarm_sim/world_json.h"
-#include "swarm_sim/world_list.h"
+#include "lcmtypes/bus/text.h"
+#include "swarm_sim/campaign/flight_arguments.h"
+#include "swarm_sim/hosts/lockstep.h"
+#include "swarm_sim/hosts/processes.h"
+#include "swarm_sim/world/world_json.h"
+#include "swarm_sim/world/world_list.h"
 
 namespace swarm {
 namespace {

@@ -8,8 +8,8 @@
 
 #include "lcmtypes/bus/atomic_file.h"
 #include "lcmtypes/bus/option_set.h"
-#include "swarm_sim/world_generator.h"
-#include "swarm_sim/world_json.h"
+#include "swarm_sim/world/world_generator.h"
+#include "swarm_sim/world/world_json.h"
 
 namespace swarm {
 namespace {

@@ -8,7 +8,7 @@
 
 #include "lcmtypes/bus/channels.h"
 #include "lcmtypes/bus/crc32.h"
-#include "swarm_sim/text.h"
+#include "lcmtypes/bus/text.h"
 
 namespace swarm {
 namespace {

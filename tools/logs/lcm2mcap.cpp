@@ -12,7 +12,7 @@
 
 #include "lcmtypes/bus/lcm_log.h"
 #include "lcmtypes/bus/option_set.h"
-#include "swarm_sim/text.h"
+#include "lcmtypes/bus/text.h"
 #include "tools/logs/foxglove.h"
 #include "tools/logs/log_drawing.h"
 #include "tools/logs/log_messages.h"

@@ -13,9 +13,9 @@
 #include "lcmtypes/bus/codec.h"
 #include "lcmtypes/bus/lcm_log.h"
 #include "lcmtypes/bus/option_set.h"
-#include "planner_daemon/commit_protocol.h"
-#include "swarm_sim/report.h"
-#include "swarm_sim/text.h"
+#include "lcmtypes/bus/text.h"
+#include "planner_daemon/coordination/commit_protocol.h"
+#include "swarm_sim/results/report.h"
 #include "tools/logs/log_messages.h"
 
 namespace swarm {

@@ -5,7 +5,7 @@
 
 #include "lcmtypes/bus/channels.h"
 #include "lcmtypes/bus/header_source.h"
-#include "swarm_sim/processes.h"
+#include "swarm_sim/hosts/processes.h"
 
 namespace swarm {
 namespace {

@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "lcmtypes/bus/channels.h"
-#include "planner_daemon/commit_protocol.h"
+#include "planner_daemon/coordination/commit_protocol.h"
 #include "tools/logs/polytope_faces.h"
 #include "tools/logs/sogm_surface.h"
 

@@ -8,7 +8,7 @@
 #include <span>
 #include <vector>
 
-#include "swarm_sim/occupied_cubes.h"
+#include "swarm_sim/world/occupied_cubes.h"
 #include "tools/viewer/swarm_picture.h"
 
 namespace swarm {

@@ -10,7 +10,7 @@
 #include <utility>
 
 #include "lcmtypes/bus/option_set.h"
-#include "swarm_sim/world_json.h"
+#include "swarm_sim/world/world_json.h"
 #include "tools/viewer/live_source.h"
 #include "tools/viewer/log_player.h"
 #include "tools/viewer/page.h"

@@ -1,0 +1,299 @@
+#include "planner_daemon/coordination/broadcast_node.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <set>
+
+#include "lcmtypes/bus/channels.h"
+#include "lcmtypes/bus/portable_math.h"
+
+namespace swarm {
+namespace {
+
+using sogm_swarm::announcement_t;
+
+constexpr std::int64_t kMaxAge_us = 1'000'000;  // of messages from peers and planner
+constexpr std::int64_t kMaxBranchAhead_us = 2'000'000;
+constexpr std::int64_t kStatusPeriod_us = 1'000'000;
+constexpr std::int64_t kClockDoubt_us = 1'000'000, kMaxMotion_us = 10'000'000;
+constexpr std::int64_t kLively_us = 300'000;  // after news
+constexpr double kResume_m = 0.5;             // a kept motion is gone on with where the robot is so close to it
+
+std::int64_t to_us(double seconds) {
+  return std::llround(seconds * 1e6);
+}
+
+double wrap_angle(double angle) {
+  return std::remainder(angle, 2 * std::numbers::pi);
+}
+
+}  // namespace
+
+void declare(OptionSet& options, BroadcastConfig& config) {
+  options.add("robot-id", &config.robot_id, 0, 32767, "", "this robot");
+  options.add("roster", &config.roster, 0, 32767, "ids of all robots that fly; this one may be among them");
+  options.add("radius", &config.radius_m, 0.01, 10, "m", "of the sphere that holds the robot");
+  options.add("v-max", &config.v_max, 0.01, 100, "m/s", "speed limit per axis");
+  options.add("a-max", &config.a_max, 0.01, 1000, "m/s^2", "acceleration limit per axis");
+  options.add("separation", &config.separation_m, 0, 10, "m", "kept between the surfaces of committed motions");
+  options.add("announce-period", &config.announce_s, 0.005, 10, "s", "repetition of the announcement");
+  options.add("lively-period", &config.lively_s, 0.005, 10, "s",
+              "repetition right after news, which peers wait for and which may get lost");
+  options.add("swarm-rate", &config.swarm_rate_hz, 1, 100'000, "Hz",
+              "announcements of all robots of the roster together, at most");
+  options.add("setpoint-rate", &config.setpoint_rate_hz, 1, 1000, "Hz", "of setpoints");
+  options.add("yaw-rate-max", &config.yaw_rate_max, 0, 100, "rad/s",
+              "how fast the robot turns into its direction of flight");
+  options.add("clock-error", &config.clock_error_s, 0, 1, "s",
+              "clocks of two robots differ by at most this: motions are kept apart for it, and nothing is committed "
+              "beyond it");
+  options.add("clock-limit", &config.clock_limit_s, 0.001, 10, "s",
+              "the robot's own messages from further in the future are refused");
+  options.add("state-dir", &config.state_dir,
+              "directory where the robot's promises survive a crash of the daemon; none: they do not");
+}
+
+void verify(const BroadcastConfig& config) {
+  std::set<int> robots(config.roster.begin(), config.roster.end());
+  robots.insert(config.robot_id);
+  if (robots.size() > 62) throw OptionError("--roster: " + std::to_string(robots.size()) + " robots; at most 62");
+}
+
+BroadcastNode::BroadcastNode(const BroadcastConfig& config, PromiseStore& store, std::int32_t first_boot)
+    : config_((verify(config), config)),
+      store_(store),
+      kept_(load_promise(store, config.robot_id, first_boot)),
+      announcement_headers_(config.robot_id, kept_.boot),
+      setpoint_headers_(config.robot_id, kept_.boot),
+      status_headers_(config.robot_id, kept_.boot),
+      protocol_(
+          {config.robot_id, kept_.boot, config.roster, config.radius_m, config.separation_m, config.clock_error_s}) {
+  std::set<int> robots(config.roster.begin(), config.roster.end());
+  robots.insert(config.robot_id);
+  places_.assign(robots.begin(), robots.end());
+  for (const auto& [id, peer] : protocol_.peers()) links_[id];
+  gap_us_ = to_us(static_cast<double>(places_.size()) / config.swarm_rate_hz);
+}
+
+std::vector<Subscription> BroadcastNode::subscriptions() const {
+  return {{BusId::kOnboard, channel::kRobotState},
+          {BusId::kOnboard, channel::kCandidate},
+          {BusId::kSwarm, channel::kTrajectory}};
+}
+
+void BroadcastNode::on_message(std::int64_t now_us, BusId bus, std::string_view channel,
+                               std::span<const std::uint8_t> bytes, Outbox& outbox) {
+  Refusal refusal = Refusal::kNone;
+  advance(now_us);
+  if (bus == BusId::kSwarm) {
+    refusal = on_peer(now_us, bytes, outbox);
+  } else if (channel == channel::kRobotState) {
+    refusal = on_state(now_us, bytes);
+  } else if (channel == channel::kCandidate) {
+    refusal = on_candidate(now_us, bytes);
+  }
+  if (refusal != Refusal::kNone) refused_.count(refusal);
+  advance(now_us);
+}
+
+Refusal BroadcastNode::on_state(std::int64_t now_us, std::span<const std::uint8_t> bytes) {
+  sogm_swarm::robot_state_t state;
+  if (const Refusal refusal = decode(bytes, &state); refusal != Refusal::kNone) return refusal;
+  if (state.header.robot_id != config_.robot_id) return Refusal::kRobot;
+  if (const Refusal refusal = check_time(state.header.utime, now_us, kMaxAge_us, to_us(config_.clock_limit_s));
+      refusal != Refusal::kNone)
+    return refusal;
+  if (const Refusal refusal = state_gate_.pass(state.header); refusal != Refusal::kNone) return refusal;
+  if (motion()) return Refusal::kNone;
+  const Eigen::Vector3d position(state.position);
+  Motion first = kept_.motion.value_or(Motion{Trajectory::hover(1, now_us, position), {}});
+  if ((first.at(now_us).position - position).norm() > kResume_m) {  // it has been carried, or has lost its way
+    first = {Trajectory::hover(first.seq() + 1, now_us, position), {}};
+  }
+  protocol_.start(first, kept_.forced_seq);
+  store_fails_ = !keep(now_us, protocol_.state());
+  yaw_ = state.yaw;
+  return Refusal::kNone;
+}
+
+bool BroadcastNode::keep(std::int64_t now_us, announcement_t promise) {
+  promise.header = HeaderSource(config_.robot_id, kept_.boot).next(now_us);
+  std::vector<std::uint8_t> bytes;
+  encode(promise, &bytes);
+  return store_.save(bytes);
+}
+
+Refusal BroadcastNode::on_candidate(std::int64_t now_us, std::span<const std::uint8_t> bytes) {
+  sogm_swarm::candidate_t message;
+  if (const Refusal refusal = decode(bytes, &message); refusal != Refusal::kNone) return refusal;
+  if (message.header.robot_id != config_.robot_id) return Refusal::kRobot;
+  if (const Refusal refusal = check_time(message.header.utime, now_us, kMaxAge_us, to_us(config_.clock_limit_s));
+      refusal != Refusal::kNone)
+    return refusal;
+  if (const Refusal refusal = candidate_gate_.pass(message.header); refusal != Refusal::kNone) return refusal;
+  ++candidates_;
+  const Trajectory candidate = Trajectory::from_wire(message.trajectory);
+  Rejection rejection = examine(now_us, candidate);
+  if (rejection == Rejection::kNone) rejection = protocol_.propose(now_us, candidate, message.urgent != 0);
+  ++rejected_[static_cast<std::size_t>(rejection)];
+  return Refusal::kNone;
+}
+
+Rejection BroadcastNode::examine(std::int64_t now_us, const Trajectory& candidate) const {
+  if (!motion()) return Rejection::kNoCommitted;
+  const std::int64_t start = candidate.start_utime();
+  if (candidate.empty() || start <= now_us || start > now_us + kMaxBranchAhead_us) return Rejection::kTime;
+  const MotionState branch = motion()->at(start), first = candidate.knot(0);
+  if ((branch.position - first.position).norm() > 1e-4 || (branch.velocity - first.velocity).norm() > 1e-3 ||
+      (branch.acceleration - first.acceleration).norm() > 1e-2) {
+    return Rejection::kDiscontinuous;
+  }
+  for (std::int64_t t = start; t < candidate.end_utime(); t += 10'000) {
+    const MotionState state = candidate.at(t);
+    if (state.velocity.cwiseAbs().maxCoeff() > 1.01 * config_.v_max ||
+        state.acceleration.cwiseAbs().maxCoeff() > 1.01 * config_.a_max) {
+      return Rejection::kLimits;
+    }
+  }
+  return Rejection::kNone;
+}
+
+Refusal BroadcastNode::on_peer(std::int64_t now_us, std::span<const std::uint8_t> bytes, Outbox& outbox) {
+  announcement_t message;
+  if (const Refusal refusal = decode(bytes, &message); refusal != Refusal::kNone) return refusal;
+  const int id = message.header.robot_id;
+  if (id == config_.robot_id) return Refusal::kNone;  // multicast returns our own
+  const auto entry = links_.find(id);
+  if (entry == links_.end()) return Refusal::kRobot;
+  Link& link = entry->second;
+  if (const Refusal refusal = check_time(message.header.utime, now_us, kMaxAge_us, to_us(config_.clock_error_s));
+      refusal != Refusal::kNone) {
+    if (message.header.utime > now_us) doubt_clock_of(id, now_us);
+    return refusal;
+  }
+  if (const Refusal refusal = link.gate.pass(message.header); refusal != Refusal::kNone) return refusal;
+  if (!protocol_.receive(now_us, message)) return Refusal::kRobot;
+  if (link.boot == message.header.boot) {
+    link.lost += static_cast<std::int32_t>(std::min<std::int64_t>(message.header.seq - link.seq - 1, 1'000'000));
+  }
+  link.heard_us = now_us;
+  link.clock.heard(now_us, message.header.utime);
+  if (told_about(message.header) == config_.robot_id && message.least_delay_us != announcement_t::kUnknown)
+    link.clock.told(message.least_delay_us);
+  if (link.clock.beyond(to_us(config_.clock_error_s))) doubt_clock_of(id, now_us);
+  link.boot = message.header.boot;
+  link.seq = message.header.seq;
+  outbox.publish_bytes(BusId::kOnboard, channel::kPeerTrajectory, bytes);
+  return Refusal::kNone;
+}
+
+int BroadcastNode::told_about(const sogm_swarm::header_t& header) const {
+  return places_[static_cast<std::size_t>(header.seq) % places_.size()];
+}
+
+// For a while, and at least as long as the peer moves.
+void BroadcastNode::doubt_clock_of(int id, std::int64_t now_us) {
+  const CommitProtocol::Peer& peer = protocol_.peers().at(id);
+  const std::int64_t rests_us = peer.heard ? std::min(peer.motion.end_utime(), now_us + kMaxMotion_us) : 0;
+  clock_doubt_until_us_ = std::max({clock_doubt_until_us_, now_us + kClockDoubt_us, rests_us});
+}
+
+void BroadcastNode::advance(std::int64_t now_us) {
+  protocol_.doubt_clocks(!clocks_agree(now_us));
+  protocol_.advance(now_us);
+  if (protocol_.may_commit(now_us))
+    protocol_.commit([&](const announcement_t& promise) { return !(store_fails_ = !keep(now_us, promise)); });
+}
+
+std::int64_t BroadcastNode::step(std::int64_t now_us, Outbox& outbox) {
+  advance(now_us);
+  const std::int64_t setpoint_period = to_us(1.0 / config_.setpoint_rate_hz);
+  std::int64_t wake = now_us + kStatusPeriod_us;
+  if (motion()) {
+    if (protocol_.take_news()) {
+      has_news_ = true;
+      news_us_ = now_us;
+    }
+    const auto due = [&] {  // news at once, and again soon, for they may get lost
+      const double wait_s = has_news_ ? 0.0 : now_us < news_us_ + kLively_us ? config_.lively_s : config_.announce_s;
+      return announced_us_ + std::max(gap_us_, to_us(wait_s));
+    };
+    if (now_us >= due()) announce(now_us, outbox);
+    if (now_us >= next_setpoint_us_) {
+      publish_setpoint(now_us, outbox);
+      next_setpoint_us_ = (now_us / setpoint_period + 1) * setpoint_period;
+    }
+    wake = std::min({next_setpoint_us_, protocol_.due_utime(now_us), due()});
+  }
+  if (now_us >= next_status_us_) {
+    publish_status(now_us, outbox);
+    next_status_us_ = now_us + kStatusPeriod_us;
+  }
+  return std::max(std::min(wake, next_status_us_), now_us + 1);
+}
+
+void BroadcastNode::announce(std::int64_t now_us, Outbox& outbox) {
+  announcement_t message = protocol_.state();
+  message.header = announcement_headers_.next(now_us);
+  if (const auto link = links_.find(told_about(message.header)); link != links_.end())
+    message.least_delay_us = link->second.clock.least_delay_us().value_or(announcement_t::kUnknown);
+  outbox.publish(BusId::kSwarm, channel::kTrajectory, message);
+  outbox.publish(BusId::kOnboard, channel::kOwnTrajectory, message);
+  has_news_ = false;
+  announced_us_ = now_us;
+}
+
+void BroadcastNode::publish_setpoint(std::int64_t utime, Outbox& outbox) {
+  const MotionState state = motion()->at(utime);
+  sogm_swarm::setpoint_t setpoint{};
+  setpoint.header = setpoint_headers_.next(utime);
+  Eigen::Map<Eigen::Vector3d>(setpoint.position) = state.position;
+  Eigen::Map<Eigen::Vector3d>(setpoint.velocity) = state.velocity;
+  Eigen::Map<Eigen::Vector3d>(setpoint.acceleration) = state.acceleration;
+  Eigen::Map<Eigen::Vector3d>(setpoint.jerk) = state.jerk;
+  // Turn into the direction of flight; slow motion has none worth turning to.
+  const double turn = 1.0 / config_.setpoint_rate_hz * config_.yaw_rate_max;
+  double step = 0.0;
+  if (state.velocity.head<2>().norm() > 0.3) {
+    step = std::clamp(wrap_angle(direction(state.velocity.x(), state.velocity.y()) - yaw_), -turn, turn);
+  }
+  yaw_ = wrap_angle(yaw_ + step);
+  setpoint.yaw = yaw_;
+  setpoint.yaw_rate = step * config_.setpoint_rate_hz;
+  outbox.publish(BusId::kOnboard, channel::kSetpoint, setpoint);
+}
+
+std::int32_t BroadcastNode::lost() const {
+  std::int32_t sum = 0;
+  for (const auto& [id, link] : links_) sum += link.lost;
+  return sum;
+}
+
+void BroadcastNode::publish_status(std::int64_t now_us, Outbox& outbox) {
+  using sogm_swarm::broadcast_status_t;
+  broadcast_status_t status{};
+  status.header = status_headers_.next(now_us);
+  status.state = !motion()               ? broadcast_status_t::kNoState
+                 : store_fails_          ? broadcast_status_t::kNoStorage
+                 : !clocks_agree(now_us) ? broadcast_status_t::kClock
+                 : !protocol_.all_hear() ? broadcast_status_t::kWaiting
+                                         : broadcast_status_t::kFlying;
+  status.candidates = candidates_;
+  status.commits = protocol_.commits();
+  status.forced = protocol_.forced();
+  status.withdrawn = protocol_.withdrawn();
+  std::copy(rejected_.begin(), rejected_.end(), status.rejected);
+  status.lost = lost();
+  for (const auto& [id, link] : links_) {
+    if (link.boot < 0 || now_us - link.heard_us > 1'000'000) continue;
+    ++status.peers_heard;
+    status.max_age_ms = std::max(status.max_age_ms, 1e-3f * static_cast<float>(now_us - link.heard_us));
+    const std::int64_t offset_us = link.clock.offset_us().value_or(0);
+    status.max_clock_offset_ms = std::max(status.max_clock_offset_ms, 1e-3f * static_cast<float>(std::abs(offset_us)));
+  }
+  refused_.copy_to(status.refused);
+  outbox.publish(BusId::kOnboard, channel::kBroadcastStatus, status);
+}
+
+}  // namespace swarm

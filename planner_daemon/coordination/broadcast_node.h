@@ -1,0 +1,106 @@
+// The broadcast daemon's node: owns the committed trajectory, runs the commit protocol with the peers, samples
+// setpoints.
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "lcmtypes/bus/header_source.h"
+#include "lcmtypes/bus/node.h"
+#include "lcmtypes/bus/option_set.h"
+#include "planner_daemon/coordination/clock_offset.h"
+#include "planner_daemon/coordination/commit_protocol.h"
+#include "planner_daemon/coordination/promise_store.h"
+
+namespace swarm {
+
+struct BroadcastConfig {
+  int robot_id = 0;
+  double radius_m = 0.2;
+  std::vector<int> roster;      // ids of all other robots: nothing is committed before each was heard
+  double v_max = 2.0;           // per axis [m/s]: candidates beyond are rejected
+  double a_max = 6.0;           // per axis [m/s^2]
+  double separation_m = 0.02;   // kept between surfaces of committed motions
+  double announce_s = 0.05;     // repetition of the announcement
+  double lively_s = 0.02;       // the same right after news
+  double swarm_rate_hz = 1000;  // announcements of all robots together, at most
+  double setpoint_rate_hz = 100;
+  double yaw_rate_max = 1.5;    // [rad/s]
+  double clock_error_s = 0.01;  // clocks of two robots differ by at most this
+  double clock_limit_s = 0.1;   // the robot's own messages from further in the future are refused
+  std::string state_dir;        // where promises survive a crash; empty: nowhere
+};
+
+void declare(OptionSet& options, BroadcastConfig& config);
+// Throws OptionError on combinations that cannot work.
+void verify(const BroadcastConfig& config);
+
+class BroadcastNode : public Node {
+ public:
+  // Goes on with what `store` kept, which must outlive the node; `first_boot` where it kept nothing.
+  BroadcastNode(const BroadcastConfig& config, PromiseStore& store, std::int32_t first_boot);
+
+  std::vector<Subscription> subscriptions() const override;
+  void on_message(std::int64_t now_us, BusId bus, std::string_view channel, std::span<const std::uint8_t> bytes,
+                  Outbox& outbox) override;
+  std::int64_t step(std::int64_t now_us, Outbox& outbox) override;
+
+  const CommitProtocol& protocol() const { return protocol_; }
+  // The motion this robot is bound to; none before the first robot state.
+  const std::optional<Motion>& motion() const { return protocol_.motion(); }
+  std::int32_t rejected(Rejection reason) const { return rejected_[static_cast<std::size_t>(reason)]; }
+  const RefusalCounts& refused() const { return refused_; }
+  std::int32_t lost() const;
+
+ private:
+  struct Link {  // from a peer
+    SequenceGate gate;
+    ClockOffset clock;
+    std::int64_t heard_us = 0;  // of the newest announcement
+    std::int32_t boot = -1, lost = 0;
+    std::int64_t seq = 0;
+  };
+
+  Refusal on_state(std::int64_t now_us, std::span<const std::uint8_t> bytes);
+  Refusal on_candidate(std::int64_t now_us, std::span<const std::uint8_t> bytes);
+  Refusal on_peer(std::int64_t now_us, std::span<const std::uint8_t> bytes, Outbox& outbox);
+  // What is wrong with a candidate as a motion of this robot.
+  Rejection examine(std::int64_t now_us, const Trajectory& candidate) const;
+  void advance(std::int64_t now_us);
+  bool keep(std::int64_t now_us, sogm_swarm::announcement_t promise);
+  bool clocks_agree(std::int64_t now_us) const { return now_us > clock_doubt_until_us_; }
+  void doubt_clock_of(int id, std::int64_t now_us);
+  // The robot whose messages' delay an announcement tells.
+  int told_about(const sogm_swarm::header_t& header) const;
+
+  void announce(std::int64_t now_us, Outbox& outbox);
+  void publish_setpoint(std::int64_t utime, Outbox& outbox);
+  void publish_status(std::int64_t now_us, Outbox& outbox);
+
+  BroadcastConfig config_;
+  PromiseStore& store_;
+  KeptPromise kept_;
+  HeaderSource announcement_headers_, setpoint_headers_, status_headers_;
+  CommitProtocol protocol_;
+  RefusalCounts refused_;
+  std::array<std::int32_t, kNumRejections> rejected_{};
+  std::vector<int> places_;    // ids of all robots that fly, ascending
+  std::map<int, Link> links_;  // by roster peer
+  SequenceGate state_gate_, candidate_gate_;
+  double yaw_ = 0.0;
+  bool store_fails_ = false;
+
+  std::int64_t gap_us_ = 0;                // between announcements, at least
+  std::int64_t clock_doubt_until_us_ = 0;  // a peer's message came from the future, or its clock was found wrong
+  bool has_news_ = false;
+  std::int64_t news_us_ = 0;
+  std::int64_t announced_us_ = 0, next_setpoint_us_ = 0, next_status_us_ = 0;
+  std::int32_t candidates_ = 0;
+};
+
+}  // namespace swarm

@@ -1,0 +1,222 @@
+#include "planner_daemon/coordination/commit_protocol.h"
+
+#include <algorithm>
+#include <limits>
+#include <utility>
+
+#include "lcmtypes/bus/crc32.h"
+#include "planner_daemon/coordination/deconfliction.h"
+
+namespace swarm {
+
+using sogm_swarm::ack_t;
+using sogm_swarm::announcement_t;
+
+namespace {
+
+constexpr std::int64_t kLastMoment_us = 10'000;  // so long before it begins, what is urgent waits no longer
+constexpr double kRounding_m = 1e-3;             // of positions on the wire and of motions that touch a distance
+
+}  // namespace
+
+const char* to_string(Rejection rejection) {
+  static constexpr const char* kNames[kNumRejections] = {"none",          "no committed", "waiting",  "busy", "time",
+                                                         "discontinuous", "limits",       "conflict", "clock"};
+  return kNames[static_cast<int>(rejection)];
+}
+
+bool CommitProtocol::Peer::promised() const {
+  return !announced.empty() && announced.seq() == judged_seq && verdict == ack_t::kAck;
+}
+
+CommitProtocol::CommitProtocol(const Rules& rules) : rules_(rules) {
+  for (const int id : rules.roster) peers_[id];
+  peers_[rules.robot_id];
+  std::vector<std::uint8_t> ids;
+  for (const auto& [id, peer] : peers_) {
+    if (id == rules.robot_id) place_ = ids.size() / 2;
+    ids.push_back(static_cast<std::uint8_t>(id >> 8));
+    ids.push_back(static_cast<std::uint8_t>(id));
+  }
+  roster_crc_ = static_cast<std::int32_t>(crc32(ids));
+  peers_.erase(rules.robot_id);
+}
+
+void CommitProtocol::start(const Motion& motion, std::int32_t forced_seq) {
+  motion_ = motion;
+  forced_seq_ = forced_seq;
+  next_seq_ = motion.seq() + 1;
+  news_ = true;
+}
+
+bool CommitProtocol::all_hear() const {
+  return std::all_of(peers_.begin(), peers_.end(),
+                     [](const auto& entry) { return entry.second.heard && entry.second.hears_us; });
+}
+
+bool CommitProtocol::free_of(const Trajectory& mine, const Motion& other, double other_radius_m) const {
+  const double distance = rules_.radius_m + other_radius_m + rules_.separation_m;
+  return motions_separated({mine, {}}, other, mine.start_utime(), distance, rules_.clock_error_s);
+}
+
+bool CommitProtocol::keeps_off(const Trajectory& mine, const Motion& bound, double other_radius_m) const {
+  if (free_of(mine, bound, other_radius_m)) return true;
+  const std::int64_t start = mine.start_utime();
+  const double now_m = (mine.knot(0).position - bound.at(start).position).norm();
+  return now_m < rules_.radius_m + other_radius_m + rules_.separation_m &&
+         motions_separated({mine, {}}, bound, start, now_m - kRounding_m);
+}
+
+Rejection CommitProtocol::propose(std::int64_t now_us, const Trajectory& candidate, bool urgent) {
+  if (!motion_) return Rejection::kNoCommitted;
+  if (!urgent && !all_hear()) return Rejection::kWaiting;
+  if (!urgent && doubts_clocks_) return Rejection::kClock;
+  if (!motion_->next.empty()) return Rejection::kBusy;
+  for (const auto& [id, peer] : peers_) {
+    if (!peer.heard) continue;
+    if (!keeps_off(candidate, peer.motion, peer.radius_m)) return Rejection::kConflict;
+    if (peer.promised() && !free_of(candidate, {peer.motion.committed, peer.announced}, peer.radius_m))
+      return Rejection::kConflict;
+  }
+  if (!announced_.empty()) withdraw();  // a newer plan replaces the one that waits
+  announced_ = candidate;
+  announced_.set_seq(next_seq_++);
+  stamp_ = now_us;
+  urgent_ = urgent;
+  news_ = true;
+  return Rejection::kNone;
+}
+
+bool CommitProtocol::receive(std::int64_t now_us, const announcement_t& message) {
+  const auto entry = peers_.find(message.header.robot_id);
+  if (entry == peers_.end() || message.roster_crc != roster_crc_ || message.acks.size() != peers_.size() + 1)
+    return false;
+  Peer& peer = entry->second;
+  if (!peer.heard || peer.boot != message.header.boot) {  // nothing said before counts
+    peer = Peer();
+    peer.heard = news_ = true;
+    peer.boot = message.header.boot;
+  }
+  peer.radius_m = message.radius;
+  read_announcement(message, &peer.motion, &peer.announced);
+  peer.stamp = message.pending_stamp;
+  const ack_t& about_us = message.acks[place_];
+  peer.hears_us = about_us.peer_boot == rules_.boot;
+  peer.our_seq = peer.hears_us ? about_us.judged_seq : 0;
+  peer.our_verdict = peer.hears_us ? about_us.verdict : ack_t::kNone;
+  judge(now_us, entry->first, &peer);
+  return true;
+}
+
+void CommitProtocol::judge(std::int64_t now_us, int peer_id, Peer* peer) {
+  if (peer->announced.empty() || peer->announced.seq() <= peer->judged_seq || !motion_) return;
+  peer->judged_seq = peer->announced.seq();
+  peer->verdict = ack_t::kAck;
+  news_ = true;
+  const bool late = peer->announced.start_utime() <= now_us;
+  if (late || !keeps_off(peer->announced, *motion_, peer->radius_m)) {
+    peer->verdict = ack_t::kNack;
+  } else if (!announced_.empty() && !free_of(peer->announced, {motion_->committed, announced_}, peer->radius_m)) {
+    if (std::pair(stamp_, rules_.robot_id) < std::pair(peer->stamp, peer_id)) {
+      peer->verdict = ack_t::kNack;
+    } else {
+      withdraw();
+    }
+  }
+}
+
+void CommitProtocol::advance(std::int64_t now_us) {
+  if (!motion_) return;
+  if (!motion_->next.empty() && now_us >= motion_->next.start_utime()) {
+    motion_ = Motion{motion_->next, {}};
+    news_ = true;
+  }
+  if (announced_.empty()) return;
+  const bool refused = std::any_of(peers_.begin(), peers_.end(), [this](const auto& entry) {
+    const auto& [id, peer] = entry;
+    return id < rules_.robot_id && peer.our_seq == announced_.seq() && peer.our_verdict == ack_t::kNack;
+  });
+  if (refused || now_us >= announced_.start_utime()) withdraw();
+}
+
+bool CommitProtocol::everybody_agrees() const {
+  return !doubts_clocks_ && all_hear() && std::all_of(peers_.begin(), peers_.end(), [this](const auto& entry) {
+    const auto& [id, peer] = entry;
+    return rules_.robot_id < id || (peer.our_seq == announced_.seq() && peer.our_verdict == ack_t::kAck);
+  });
+}
+
+bool CommitProtocol::may_commit(std::int64_t now_us) const {
+  if (announced_.empty() || now_us >= announced_.start_utime()) return false;
+  const bool agreed = everybody_agrees();
+  if (!agreed && !(urgent_ && now_us >= announced_.start_utime() - kLastMoment_us)) return false;
+  return std::all_of(peers_.begin(), peers_.end(), [this, agreed](const auto& entry) {
+    const auto& [id, peer] = entry;
+    const bool judged_there = agreed && id < rules_.robot_id;  // our P against its C
+    if (peer.heard && !judged_there && !keeps_off(announced_, peer.motion, peer.radius_m)) return false;
+    const bool counts = agreed ? peer.promised() : !peer.announced.empty();
+    return !counts || free_of(announced_, {peer.motion.committed, peer.announced}, peer.radius_m);
+  });
+}
+
+void CommitProtocol::commit(const std::function<bool(const announcement_t&)>& keep) {
+  const std::int32_t forced_before = forced_seq_;
+  motion_->next = announced_;
+  if (!everybody_agrees()) forced_seq_ = announced_.seq();
+  if (!keep(state())) {
+    motion_->next = Trajectory();
+    forced_seq_ = forced_before;
+    return withdraw();
+  }
+  announced_ = Trajectory();
+  ++commits_;
+  forced_ += forced_seq_ != forced_before;
+  news_ = true;
+}
+
+void CommitProtocol::withdraw() {
+  announced_ = Trajectory();
+  ++withdrawn_;
+  news_ = true;
+}
+
+announcement_t CommitProtocol::state() const {
+  announcement_t message{};
+  message.radius = static_cast<float>(rules_.radius_m);
+  message.committed = motion_->committed.to_wire();
+  message.pending_state = announcement_t::kNone;
+  if (!motion_->next.empty()) {
+    message.pending = motion_->next.to_wire();
+    message.pending_state = announcement_t::kCommitted;
+  } else if (!announced_.empty()) {
+    message.pending = announced_.to_wire();
+    message.pending_state = announcement_t::kAnnounced;
+  }
+  message.pending_stamp = message.pending_state == announcement_t::kNone ? 0 : stamp_;
+  message.roster_crc = roster_crc_;
+  message.forced_seq = forced_seq_;
+  message.least_delay_us = announcement_t::kUnknown;
+  for (const auto& [id, peer] : peers_) {
+    if (message.acks.size() == place_) message.acks.push_back({-1, 0, ack_t::kNone});
+    message.acks.push_back({peer.boot, peer.judged_seq, peer.verdict});
+  }
+  if (message.acks.size() == place_) message.acks.push_back({-1, 0, ack_t::kNone});
+  message.num_acks = static_cast<std::int16_t>(message.acks.size());
+  return message;
+}
+
+bool CommitProtocol::take_news() {
+  return std::exchange(news_, false);
+}
+
+std::int64_t CommitProtocol::due_utime(std::int64_t now_us) const {
+  std::int64_t due = std::numeric_limits<std::int64_t>::max();
+  if (!announced_.empty()) {
+    due = announced_.start_utime();
+    if (urgent_ && now_us < due - kLastMoment_us) due -= kLastMoment_us;
+  }
+  if (motion_ && !motion_->next.empty()) due = std::min(due, motion_->next.start_utime());
+  return due;
+}
+
+}  // namespace swarm

@@ -1,0 +1,70 @@
+#include "planner_daemon/coordination/deconfliction.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace swarm {
+namespace {
+
+constexpr double kFinestSpan_s = 800e-6;
+
+// `difference`: control points of one motion minus those of the other.
+bool separated(const ControlPoints& difference, double duration_s, double distance) {
+  if (difference.col(0).norm() < distance || difference.col(5).norm() < distance) return false;
+  if (linearly_separable(difference, distance)) return true;
+  if (duration_s <= kFinestSpan_s) return false;
+  return separated(part_of(difference, 0.0, 0.5), duration_s / 2, distance) &&
+         separated(part_of(difference, 0.5, 1.0), duration_s / 2, distance);
+}
+
+// Bound on the motion's speed during [from, to] [m/s].
+double fastest(const Motion& motion, std::int64_t from_utime, std::int64_t to_utime) {
+  double bound = 0.0;
+  for (std::int64_t from = std::max(from_utime, motion.committed.start_utime()); from < to_utime;) {
+    const std::int64_t to = std::min(motion.next_knot_after(from), to_utime);
+    const ControlPoints points = control_points_between(motion, from, to);
+    const double step = (points.rightCols<5>() - points.leftCols<5>()).colwise().norm().maxCoeff();
+    bound = std::max(bound, 5e6 * step / static_cast<double>(to - from));
+    from = to;
+  }
+  return bound;
+}
+
+}  // namespace
+
+bool linearly_separable(const ControlPoints& points, double radius_m) {
+  // Gilbert's iteration towards the hull's point nearest to the origin; any iterate's direction is a valid plane to
+  // try.
+  Eigen::Vector3d nearest = points.rowwise().mean();
+  for (int i = 0; i < 16; ++i) {
+    const double norm = nearest.norm();
+    if (norm < radius_m) return false;
+    Eigen::Index lowest;
+    const double support = (nearest.transpose() * points).minCoeff(&lowest) / norm;
+    if (support >= radius_m) return true;
+    const Eigen::Vector3d step = points.col(lowest) - nearest;
+    const double length2 = step.squaredNorm();
+    if (length2 < 1e-18) return false;
+    nearest += std::clamp(-nearest.dot(step) / length2, 0.0, 1.0) * step;
+  }
+  return false;
+}
+
+bool motions_separated(const Motion& a, const Motion& b, std::int64_t from_utime, double distance_m,
+                       double clock_error_s) {
+  const std::int64_t end = std::max(a.end_utime(), b.end_utime()), error_us = std::llround(1e6 * clock_error_s);
+  const auto kept_off = [&](std::int64_t from, std::int64_t to) {
+    return error_us == 0 ? distance_m : distance_m + clock_error_s * fastest(b, from - error_us, to + error_us);
+  };
+  for (std::int64_t from = from_utime; from < end;) {
+    const std::int64_t to = std::min({a.next_knot_after(from), b.next_knot_after(from), end});
+    const ControlPoints difference = control_points_between(a, from, to) - control_points_between(b, from, to);
+    if (!separated(difference, 1e-6 * static_cast<double>(to - from), kept_off(from, to))) return false;
+    from = to;
+  }
+  const std::int64_t rest = std::max(end, from_utime);
+  return (a.at(rest).position - b.at(rest).position).norm() >= kept_off(rest, rest);
+}
+
+}  // namespace swarm

@@ -1,0 +1,49 @@
+// Safe corridors (paper section IV-B): one polytope per trajectory piece, free of what the SOGM occupies while the
+// piece is flown.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <vector>
+
+#include "planner_daemon/corridor/firi.h"
+#include "planner_daemon/corridor/polytope.h"
+#include "planner_daemon/space/swept_volume.h"
+#include "planner_daemon/trajectory/trajectory.h"
+
+namespace swarm {
+
+struct CorridorOptions {
+  double reach_m = 0.6;  // a polytope reaches this far beyond its piece's control points
+  double log_volume_gap = FiriOptions().log_volume_gap;  // see there
+};
+
+// Grows polytopes in configuration space: they bound the robot's centre and need no shrinking by its radius; search,
+// corridor and check share one definition of free space.
+class CorridorBuilder {
+ public:
+  CorridorBuilder(const Eigen::Vector3d& space_min, const Eigen::Vector3d& space_max, const CorridorOptions& options);
+
+  // Polytope around `piece`, flown during [from, to], that holds all its control points. Obstacles are the voxels
+  // within `blocked_m` of what is occupied. kSeedBlocked when the centre of one lies in the hull of the control points.
+  [[nodiscard]] FiriStatus build(const ControlPoints& piece, const Occupancy& occupancy, double blocked_m,
+                                 std::int64_t from_utime, std::int64_t to_utime, Polytope* polytope);
+
+  // Centres of the voxels of the newest build's obstacles, a voxel's edge apart: the surface of the union over its
+  // frames.
+  const std::vector<PointRun>& obstacles() const { return obstacles_; }
+
+ private:
+  void extract_surface(const Occupancy& occupancy, double blocked_m, int first_frame, int last_frame,
+                       const Eigen::Vector3d& lower, const Eigen::Vector3d& upper);
+
+  Eigen::Vector3d space_min_, space_max_;
+  CorridorOptions options_;
+  Firi firi_;
+  Dilator dilator_;
+  std::vector<Layer> layers_;
+  std::vector<std::uint64_t> columns_;  // blocked in some frame, over the box; a rim of clear columns around
+  std::vector<PointRun> obstacles_;
+};
+
+}  // namespace swarm

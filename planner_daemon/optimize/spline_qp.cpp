@@ -1,0 +1,431 @@
+// Each axis is described by its acceleration control points alone: with position and velocity of the start they
+// integrate to the whole C2 curve, so that all continuity holds by construction and only two equalities per axis
+// (velocity and position of the end) remain to be eliminated. The remaining freedom is scaled to make the jerk integral
+// |y|^2 + constant, and the bounds are met by the dual active set method of Goldfarb and Idnani (Math. Programming 27,
+// 1983), here with an orthogonal factorisation of the active normals in range space.
+// Long because elimination, bounds and active set all work on that one representation.
+// No product of two matrices here goes to Eigen's blocked kernels, whose order of sums depends on the processor.
+#include "planner_daemon/optimize/spline_qp.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+#include <string>
+
+#include "planner_daemon/optimize/active_set.h"
+
+namespace swarm {
+namespace {
+
+constexpr double kSlack = 5e-8;  // every bound is relaxed by this: curves that ride on their bounds survive rounding
+constexpr double kTolerance = 1e-8;       // a row is violated when it exceeds its relaxed bound by this
+constexpr double kFixedTolerance = 1e-6;  // the same for control points that the end states alone decide
+constexpr double kConstantRow = 1e-10;    // an output that responds less than this (relative to its kind) is constant
+constexpr double kDrift = 1e-9;           // active rows further than this from their bounds are solved for again
+constexpr double kMinPivot = 1e-12;       // of the Hessian's square root, relative
+constexpr int kMaxPieces = 64, kMaxDegree = 9;
+static_assert(kMaxPieces * (kMaxDegree + 1) <= SplineSolution::kMaxPoints);
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+using MatrixX3 = Eigen::Matrix<double, Eigen::Dynamic, 3>;
+using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+
+[[noreturn]] void reject(const std::string& name, const std::string& value, const std::string& rule) {
+  throw std::invalid_argument("SplineQp: " + name + " = " + value + ": must be " + rule);
+}
+
+// (degree - 2) x (degree - 1): the integral of jerk^2 over a piece is |root * accelerations|^2 / duration.
+Eigen::MatrixXd jerk_root(int degree) {
+  const int d = degree - 3;
+  auto choose = [](int n, int k) {
+    double value = 1.0;
+    for (int i = 1; i <= k; ++i) value = value * (n - k + i) / i;
+    return value;
+  };
+  Eigen::MatrixXd gram(d + 1, d + 1);  // of the Bernstein polynomials of the jerk
+  for (int i = 0; i <= d; ++i) {
+    for (int j = 0; j <= d; ++j) gram(i, j) = choose(d, i) * choose(d, j) / (choose(2 * d, i + j) * (2 * d + 1));
+  }
+  Eigen::MatrixXd difference = Eigen::MatrixXd::Zero(d + 1, d + 2);
+  difference.diagonal().setConstant(-(d + 1));
+  difference.diagonal(1).setConstant(d + 1);
+  return Eigen::MatrixXd(gram.llt().matrixU()).lazyProduct(difference);
+}
+
+double square(double value) {
+  return value * value;
+}
+
+}  // namespace
+
+const char* to_string(SplineStatus status) {
+  switch (status) {
+    case SplineStatus::kSolved:
+      return "solved";
+    case SplineStatus::kInfeasible:
+      return "infeasible";
+    case SplineStatus::kIterationLimit:
+      return "iteration limit";
+  }
+  return "unknown";
+}
+
+// "Outputs" are the distinct control points in the order acceleration, velocity, position, each kind along the curve;
+// those at a joint are shared by both pieces. Positions are relative to the start, which spares digits.
+struct SplineQp::Impl {
+  struct Face {
+    double x, y, z, offset;
+  };
+  struct Row {  // normal . outputs.row(output) <= bound
+    int output;
+    Eigen::Vector3d normal;
+    double bound;
+  };
+
+  Impl(int curve_degree, const std::vector<double>& durations);
+
+  template <typename Matrix>
+  void integrate(Matrix* outputs) const;
+  bool load(const SplineProblem& problem);
+  void evaluate();
+  bool fixed_outputs_hold() const;
+  bool worst_row(Row* row) const;
+  double enter(const Row& row, double* bound);
+  SplineStatus optimise(int* iterations);
+  void report(const SplineProblem& problem, SplineSolution* solution) const;
+
+  // Constant after construction.
+  const int degree, pieces;
+  const int num_acc, num_vel, num_pos, num_outputs;
+  const int freedom;  // per axis
+  const std::vector<double> durations_s;
+  double horizon_s = 0.0;
+  double jerk_cap = 0.0;    // times a_max^2: no feasible curve has a greater jerk integral
+  Eigen::MatrixXd root;     // jerk_root
+  Eigen::MatrixXd optimum;  // num_acc x 4: unconstrained optimum per (start acc, end acc, velocity gain, position gain)
+  Eigen::MatrixXd response_acc;  // num_acc x freedom: accelerations per y
+  RowMajor response;             // num_outputs x freedom
+  Eigen::ArrayXd inverse_norm;   // of the response's rows; 0: constant output
+  double max_norm = 0.0;
+
+  // Of the problem being solved; y and the normals hold axis after axis.
+  double acc_limit = 0.0, vel_limit = 0.0;
+  std::vector<Face> faces;  // with relaxed offsets relative to the start, piece after piece
+  std::vector<int> first_face;
+  MatrixX3 unconstrained_acc;
+  MatrixX3 outputs;
+  Eigen::ArrayXd excess;  // of each output over its most violated relaxed bound
+  Eigen::VectorXd y, normal;
+  ActiveSet active;
+};
+
+SplineQp::Impl::Impl(int curve_degree, const std::vector<double>& durations)
+    : degree(curve_degree),
+      pieces(static_cast<int>(durations.size())),
+      num_acc(pieces * (degree - 2) + 1),
+      num_vel(pieces * (degree - 1) + 1),
+      num_pos(pieces * degree + 1),
+      num_outputs(num_acc + num_vel + num_pos),
+      freedom(num_acc - 4),
+      durations_s(durations),
+      root(jerk_root(degree)),
+      first_face(pieces + 1),
+      outputs(num_outputs, 3),
+      excess(num_outputs),
+      y(3 * freedom),
+      normal(3 * freedom),
+      active(3 * freedom) {
+  const int interior = num_acc - 2;
+  Eigen::MatrixXd jerk = Eigen::MatrixXd::Zero(pieces * (degree - 2), num_acc);  // jerk integral = |jerk * acc|^2
+  for (int k = 0; k < pieces; ++k) {
+    const double h = durations_s[k];
+    jerk.block(k * (degree - 2), k * (degree - 2), degree - 2, degree - 1) = root / std::sqrt(h);
+    horizon_s += h;
+    jerk_cap += 3.0 * square(2.0 * (degree - 2)) / h;
+  }
+
+  // The end's velocity and position as functions of the accelerations, and the null space of their interior part.
+  Eigen::MatrixXd unit = Eigen::MatrixXd::Zero(num_outputs, num_acc);
+  unit.topRows(num_acc).setIdentity();
+  integrate(&unit);
+  Eigen::MatrixXd gains(2, num_acc);
+  gains << unit.row(num_acc + num_vel - 1), unit.row(num_outputs - 1);
+  const Eigen::MatrixXd interior_gains = gains.middleCols(1, interior).transpose();
+  const Eigen::HouseholderQR<Eigen::MatrixXd> gain_qr(interior_gains);
+  const Eigen::MatrixXd basis = gain_qr.householderQ();
+  Eigen::MatrixXd null_space = Eigen::MatrixXd::Zero(num_acc, freedom);
+  null_space.middleRows(1, interior) = basis.rightCols(freedom);
+
+  // A particular solution for each unit of (start acc, end acc, velocity gain, position gain).
+  Eigen::Matrix<double, 2, 4> rhs;
+  rhs << -gains.col(0), -gains.col(num_acc - 1), Eigen::Matrix2d::Identity();
+  const Eigen::Matrix2d triangle = gain_qr.matrixQR().topRows<2>().triangularView<Eigen::Upper>();
+  optimum = Eigen::MatrixXd::Zero(num_acc, 4);
+  optimum(0, 0) = 1.0;
+  optimum(num_acc - 1, 1) = 1.0;
+  triangle.transpose().triangularView<Eigen::Lower>().solveInPlace(rhs);
+  optimum.middleRows(1, interior) = basis.leftCols<2>().lazyProduct(rhs);
+
+  response = RowMajor::Zero(num_outputs, freedom);
+  if (freedom > 0) {
+    // The null space in coordinates that make the Hessian the identity (Gram and Schmidt; twice is enough).
+    Eigen::MatrixXd image(jerk.rows(), freedom);  // jerk * null_space, orthonormal in the end
+    Eigen::VectorXd pivots(freedom);
+    for (int k = 0; k < freedom; ++k) {
+      auto direction = null_space.col(k);
+      auto column = image.col(k);
+      column.noalias() = jerk * direction;
+      for (int pass = 0; pass < 2; ++pass) {
+        const Eigen::VectorXd along = image.leftCols(k).transpose() * column;
+        column.noalias() -= image.leftCols(k) * along;
+        direction.noalias() -= null_space.leftCols(k) * along;
+      }
+      pivots(k) = column.norm();
+      column /= pivots(k);
+      direction /= pivots(k);
+    }
+    if (!(pivots.minCoeff() > kMinPivot * pivots.maxCoeff())) reject("durations_s", "too unequal", "comparable");
+    const Eigen::MatrixXd jerks = jerk.lazyProduct(optimum), along = image.transpose().lazyProduct(jerks);
+    optimum -= null_space.lazyProduct(along);
+    response.topRows(num_acc) = null_space;
+    integrate(&response);
+  }
+  response_acc = response.topRows(num_acc);
+
+  inverse_norm = Eigen::ArrayXd::Zero(num_outputs);
+  if (freedom == 0) return;
+  const Eigen::VectorXd norms = response.rowwise().norm();
+  max_norm = norms.maxCoeff();
+  for (int begin = 0, derivative = 2; derivative >= 0; --derivative) {
+    const int count = pieces * (degree - derivative) + 1;
+    const double least = kConstantRow * norms.segment(begin, count).maxCoeff();
+    const int fixed = 3 - derivative;  // at each end, by the end states
+    for (int i = fixed; i < count - fixed; ++i) {
+      if (norms(begin + i) > least) inverse_norm(begin + i) = 1.0 / norms(begin + i);
+    }
+    begin += count;
+  }
+}
+
+// Completes velocities and positions from the accelerations and the first velocity and position, column by column.
+template <typename Matrix>
+void SplineQp::Impl::integrate(Matrix* curve) const {
+  int acc = 0, vel = num_acc, pos = num_acc + num_vel;
+  for (int k = 0; k < pieces; ++k, --acc) {
+    const double vel_step = durations_s[k] / (degree - 1), pos_step = durations_s[k] / degree;
+    for (int j = 0; j < degree; ++j, ++pos) {
+      curve->row(pos + 1) = curve->row(pos) + pos_step * curve->row(vel);
+      if (j == degree - 1) continue;
+      curve->row(vel + 1) = curve->row(vel) + vel_step * curve->row(acc);
+      ++vel, ++acc;
+    }
+  }
+}
+
+// False: some input is not a number, which meets no bound.
+bool SplineQp::Impl::load(const SplineProblem& problem) {
+  bool valid = true;
+  acc_limit = problem.a_max + kSlack;
+  vel_limit = problem.v_max + kSlack;
+  const Eigen::Vector3d& origin = problem.start.position;
+  faces.clear();
+  for (int k = 0; k < pieces; ++k) {
+    const Polytope& corridor = problem.corridors[k];
+    for (int i = 0; i < corridor.num_faces(); ++i) {
+      const Eigen::Vector3d n = corridor.normals.row(i);
+      faces.push_back({n.x(), n.y(), n.z(), corridor.offsets(i) - n.dot(origin) + kSlack});
+      valid = valid && !std::isnan(n.sum() + faces.back().offset);
+    }
+    first_face[k + 1] = static_cast<int>(faces.size());
+  }
+
+  Eigen::Matrix<double, 4, 3> ends;
+  ends.row(0) = problem.start.acceleration;
+  ends.row(1) = problem.end.acceleration;
+  ends.row(2) = problem.end.velocity - problem.start.velocity;
+  ends.row(3) = problem.end.position - origin - horizon_s * problem.start.velocity;
+  unconstrained_acc.noalias() = optimum * ends;
+  outputs.row(num_acc) = problem.start.velocity;
+  outputs.row(num_acc + num_vel).setZero();
+  y.setZero();
+  active.clear();
+  return valid && unconstrained_acc.allFinite();
+}
+
+// The curve at y, and how far each control point exceeds its bounds. Four rows at a time for the vector units, the last
+// four of a block overlapping their neighbours.
+void SplineQp::Impl::evaluate() {
+  for (int i = 0; i < num_acc; i += 4) {
+    const int first = std::min(i, num_acc - 4);
+    Eigen::Array4d ax = unconstrained_acc.col(0).segment<4>(first), ay = unconstrained_acc.col(1).segment<4>(first),
+                   az = unconstrained_acc.col(2).segment<4>(first);
+    for (int j = 0; j < freedom; ++j) {
+      const Eigen::Array4d r = response_acc.col(j).segment<4>(first);
+      ax += r * y(j);
+      ay += r * y(freedom + j);
+      az += r * y(2 * freedom + j);
+    }
+    outputs.middleRows<4>(first) << ax, ay, az;
+  }
+  integrate(&outputs);
+
+  const auto largest = outputs.topRows(num_acc + num_vel).array().abs();
+  excess.head(num_acc + num_vel) = largest.col(0).max(largest.col(1)).max(largest.col(2));
+  excess.head(num_acc) -= acc_limit;
+  excess.segment(num_acc, num_vel) -= vel_limit;
+  excess.tail(num_pos).setConstant(-1e30);
+  for (int k = 0; k < pieces; ++k) {
+    for (int j = 0; j <= degree; j += 4) {
+      const int first = num_acc + num_vel + k * degree + std::min(j, degree - 3);
+      const Eigen::Array4d px = outputs.col(0).segment<4>(first), py = outputs.col(1).segment<4>(first),
+                           pz = outputs.col(2).segment<4>(first);
+      Eigen::Array4d most = excess.segment<4>(first);
+      for (int f = first_face[k]; f < first_face[k + 1]; ++f) {
+        const Face& face = faces[f];
+        most = most.max(px * face.x + py * face.y + (pz * face.z - face.offset));
+      }
+      excess.segment<4>(first) = most;
+    }
+  }
+}
+
+bool SplineQp::Impl::fixed_outputs_hold() const {
+  for (int i = 0; i < num_outputs; ++i) {
+    if (inverse_norm(i) == 0.0 && excess(i) > kFixedTolerance - kSlack) return false;
+  }
+  return true;
+}
+
+// The violated row farthest from the curve in the metric of the cost (the first of equals); false: none is violated.
+bool SplineQp::Impl::worst_row(Row* row) const {
+  const auto score = (excess - kTolerance) * inverse_norm;
+  const double largest = score.maxCoeff();
+  if (!(largest > 0.0)) return false;
+  row->output = 0;
+  while (score(row->output) < largest) ++row->output;
+
+  const Eigen::Vector3d value = outputs.row(row->output);
+  const int point = row->output - num_acc - num_vel;
+  if (point < 0) {
+    int axis;
+    value.cwiseAbs().maxCoeff(&axis);
+    row->normal = std::copysign(1.0, value(axis)) * Eigen::Vector3d::Unit(axis);
+    row->bound = row->output < num_acc ? acc_limit : vel_limit;
+    return true;
+  }
+  double most = -kInfinity;
+  const int first_piece = (point - 1) / degree, last_piece = std::min(point / degree, pieces - 1);
+  for (int f = first_face[first_piece]; f < first_face[last_piece + 1]; ++f) {
+    const Eigen::Vector3d n(faces[f].x, faces[f].y, faces[f].z);
+    const double violation = n.dot(value) - faces[f].offset;
+    if (violation > most) most = violation, row->normal = n, row->bound = faces[f].offset;
+  }
+  return true;
+}
+
+// Writes the row as a unit normal over y; returns its violation and bound there. Infinite: no y can mend it.
+double SplineQp::Impl::enter(const Row& row, double* bound) {
+  const double length = row.normal.norm();
+  if (!(length > 0.0)) return kInfinity;
+  const double scale = inverse_norm(row.output) / length;
+  for (int axis = 0; axis < 3; ++axis) {
+    normal.segment(axis * freedom, freedom) = (scale * row.normal(axis)) * response.row(row.output).transpose();
+  }
+  const double violation = scale * (outputs.row(row.output).dot(row.normal) - row.bound);
+  *bound = normal.dot(y) - violation;
+  return violation;
+}
+
+SplineStatus SplineQp::Impl::optimise(int* iterations) {
+  const int limit = 200 + 20 * 3 * freedom;
+  const double cap = jerk_cap * square(acc_limit + kFixedTolerance);
+  for (bool exact = true;;) {
+    Row row;
+    if (!worst_row(&row)) {
+      if (exact || active.refine(&y) * max_norm <= kDrift) return SplineStatus::kSolved;
+      exact = true;
+      evaluate();
+      continue;
+    }
+    exact = false;
+    double bound = 0.0, multiplier = 0.0;
+    double violation = enter(row, &bound);
+    if (violation == kInfinity) return SplineStatus::kInfeasible;
+    for (;;) {
+      if (++*iterations > limit) return SplineStatus::kIterationLimit;
+      const double remainder = active.split(normal);
+      double until_blocked;
+      const int blocker = active.blocker(&until_blocked);
+      const double until_met = remainder > 0.0 ? std::max(violation, 0.0) / (remainder * remainder) : kInfinity;
+      // A non-negative combination of rows that no y can satisfy (Farkas).
+      if (blocker < 0 && until_met == kInfinity) return SplineStatus::kInfeasible;
+      const double growth = std::min(until_met, until_blocked);
+      active.grow(growth);
+      multiplier += growth;
+      if (remainder > 0.0) {
+        y.noalias() -= growth * active.remainder();
+        violation = normal.dot(y) - bound;
+      }
+      if (until_met <= until_blocked) {
+        active.add(remainder, bound, multiplier);
+        break;
+      }
+      active.drop(blocker);
+    }
+    // y is optimal for a part of the rows, so its cost bounds the problem's from below (weak duality).
+    if (y.squaredNorm() > cap) return SplineStatus::kInfeasible;
+    evaluate();
+  }
+}
+
+void SplineQp::Impl::report(const SplineProblem& problem, SplineSolution* solution) const {
+  solution->control_points.resize(3, pieces * (degree + 1));
+  solution->jerk_integral = 0.0;
+  for (int k = 0; k < pieces; ++k) {
+    for (int j = 0; j <= degree; ++j) {
+      solution->control_points.col(k * (degree + 1) + j) =
+          problem.start.position + outputs.row(num_acc + num_vel + k * degree + j).transpose();
+    }
+    const auto acc = outputs.middleRows(k * (degree - 2), degree - 1);
+    solution->jerk_integral += root.lazyProduct(acc).squaredNorm() / durations_s[k];
+  }
+  solution->max_violation = std::max(0.0, excess.maxCoeff() + kSlack);
+}
+
+SplineQp::SplineQp(int degree, const std::vector<double>& durations_s) {
+  const int pieces = static_cast<int>(durations_s.size());
+  if (degree < 3 || degree > kMaxDegree) reject("degree", std::to_string(degree), "in [3, 9]");
+  if (pieces < 1 || pieces > kMaxPieces) reject("pieces", std::to_string(pieces), "in [1, 64]");
+  for (int i = 0; i < pieces; ++i) {
+    if (std::isfinite(durations_s[i]) && durations_s[i] > 0.0) continue;
+    reject("durations_s[" + std::to_string(i) + "]", std::to_string(durations_s[i]), "positive and finite");
+  }
+  if (pieces * (degree - 2) < 3) {
+    reject("pieces", std::to_string(pieces),
+           "enough for the end states, pieces * (degree - 2) >= 3, at degree " + std::to_string(degree));
+  }
+  impl_ = std::make_unique<Impl>(degree, durations_s);
+}
+
+SplineQp::~SplineQp() = default;
+SplineQp::SplineQp(SplineQp&&) noexcept = default;
+
+SplineStatus SplineQp::solve(const SplineProblem& problem, SplineSolution* solution) {
+  const int corridors = static_cast<int>(problem.corridors.size());
+  if (corridors != impl_->pieces) {
+    reject("corridors.size()", std::to_string(corridors), "the number of pieces, " + std::to_string(impl_->pieces));
+  }
+  if (!(problem.v_max > 0.0)) reject("v_max", std::to_string(problem.v_max), "> 0 m/s");
+  if (!(problem.a_max > 0.0)) reject("a_max", std::to_string(problem.a_max), "> 0 m/s^2");
+  const bool valid = impl_->load(problem);
+  impl_->evaluate();
+  solution->iterations = 0;
+  const SplineStatus status =
+      valid && impl_->fixed_outputs_hold() ? impl_->optimise(&solution->iterations) : SplineStatus::kInfeasible;
+  impl_->report(problem, solution);
+  return status;
+}
+
+}  // namespace swarm

@@ -1,0 +1,237 @@
+#include "planner_daemon/search/space_time_heuristic.h"
+
+#include <bit>
+#include <cmath>
+#include <limits>
+
+#include "map_daemon/wide.h"
+
+namespace swarm {
+namespace {
+
+constexpr std::int16_t kLongest = 15'000;  // [ticks], any way after the last frame
+constexpr int kMostSteps = 200;            // however fast the robot and long the map: bounded memory
+
+// The least of each value and its neighbours `step` before and after.
+SWARM_WIDE void least_of_three(const std::int16_t* __restrict in, std::size_t step, std::size_t n,
+                               std::int16_t* __restrict out) {
+  for (std::size_t i = 0; i < n; ++i) out[i] = std::min(in[i], std::min(in[i - step], in[i + step]));
+}
+
+// The least of each value and those beside it, and `added`; no more than `far` and not below `rim`.
+SWARM_WIDE void least_of_rows(const std::int16_t* a, const std::int16_t* b, const std::int16_t* c,
+                              const std::int16_t* __restrict added, const std::int16_t* __restrict rim,
+                              std::int16_t far, std::size_t n, std::int16_t* __restrict out) {
+  for (std::size_t i = 0; i < n; ++i) {
+    const auto sum = static_cast<std::int16_t>(std::min(a[i], std::min(b[i], c[i])) + added[i]);
+    out[i] = std::max(std::min(sum, far), rim[i]);
+  }
+}
+
+// The largest one of the straight ways and of `steps` around what stands still, after `passed` ticks.
+SWARM_WIDE void finish_row(const std::int16_t* __restrict straight, std::int16_t side,
+                           const std::int16_t* __restrict steps, std::int16_t ticks_per_step, std::int16_t passed,
+                           std::size_t n, std::int16_t* __restrict out) {
+  for (std::size_t i = 0; i < n; ++i) {
+    const auto around = static_cast<std::int16_t>(steps[i] * ticks_per_step);
+    out[i] = static_cast<std::int16_t>(std::max(std::max(straight[i], side), around) + passed);
+  }
+}
+
+SWARM_WIDE void add_to_all(std::int16_t penalty, std::int16_t far, std::size_t n, std::int16_t* out) {
+  for (std::size_t i = 0; i < n; ++i) out[i] = static_cast<std::int16_t>(std::min(out[i], far) + penalty);
+}
+
+// visit(x, first_y, last_y) for the rows of `all`, as far as they are not in `kept`.
+template <class Visit>
+void for_each_outside(const Columns& all, const Columns& kept, const Visit& visit) {
+  for (int x = all.first.x(); x <= all.last.x(); ++x) {
+    const auto row = [&](int first_y, int last_y) {
+      if (first_y <= last_y) visit(x, first_y, last_y);
+    };
+    if (kept.empty() || x < kept.first.x() || x > kept.last.x()) {
+      row(all.first.y(), all.last.y());
+    } else {
+      row(all.first.y(), std::min(all.last.y(), kept.first.y() - 1));
+      row(std::max(all.first.y(), kept.last.y() + 1), all.last.y());
+    }
+  }
+}
+
+}  // namespace
+
+int CostToGo::step_at(std::int64_t utime) const {
+  const double steps = 1e-6 * static_cast<double>(utime - start_utime_) / step_s_;
+  return static_cast<int>(std::clamp<double>(std::round(steps), 0, num_steps_));
+}
+
+void CostToGo::build(const Occupancy& occupancy, double blocked_m, const Guidance* guidance, const Reach& reach,
+                     const Eigen::Vector3d& goal, const Eigen::Vector3d& space_min, const Eigen::Vector3d& space_max) {
+  const GridGeometry& grid = occupancy.sogm->geometry;
+  lay_out(*occupancy.sogm, goal, reach.speed_mps);
+  limit_space(space_min.z(), space_max.z(), grid);
+  dilator_.set(grid, blocked_m);
+  const int first = std::max(0, step_at(reach.utime) - 1);
+  for (int step = first; step <= num_steps_; ++step) boxes_[static_cast<std::size_t>(step)] = reached(reach, step);
+  finish(guidance);
+  for (int step = num_steps_ - 1; step >= first; --step) {
+    const Columns columns = boxes_[static_cast<std::size_t>(step)].columns();
+    if (columns.empty()) continue;
+    isolate(step + 1, {columns.first.array() - 1, columns.last.array() + 1});
+    spread(step);
+    close(step, occupancy);
+  }
+}
+
+// Cells where the robot may be when the step starts, give or take half a step, and one more to each side.
+CostToGo::Box CostToGo::reached(const Reach& reach, int step) const {
+  const double since_s = 1e-6 * static_cast<double>(start_utime_ - reach.utime) + step * step_s_;
+  Box box{Eigen::Vector3i::Zero(), size_ - Eigen::Vector3i::Ones()};
+  for (int axis = 0; axis < 2; ++axis) {
+    const Span at = span(reach, axis, std::max(0.0, since_s - step_s_ / 2), std::max(0.0, since_s + step_s_ / 2));
+    const auto cell = [&](double coordinate) {
+      return static_cast<int>(
+          std::clamp<double>(std::floor((coordinate - corner_[axis]) * inverse_cell_), -2, size_[axis] + 1));
+    };
+    box.first[axis] = std::max(0, cell(at.low) - 1);
+    box.last[axis] = std::min(size_[axis] - 1, cell(at.high) + 1);
+  }
+  return box;
+}
+
+void CostToGo::lay_out(const Sogm& sogm, const Eigen::Vector3d& goal, double speed_mps) {
+  const GridGeometry& grid = sogm.geometry;
+  const Eigen::Vector3i size = cells_in(grid);
+  cell_m_ = kCellVoxels * grid.resolution_m;
+  inverse_cell_ = 1.0 / cell_m_;
+  step_s_ = cell_m_ / speed_mps;
+  tick_s_ = step_s_ / kTicksPerStep;
+  start_utime_ = sogm.start_utime;
+  corner_ = grid.origin.cast<double>() * grid.resolution_m;
+  edge_ = grid.size.cast<double>() / kCellVoxels;
+  const double horizon_s = 1e-6 * static_cast<double>(sogm.num_frames * sogm.frame_duration_us);
+  const int num_steps = static_cast<int>(std::clamp<double>(std::ceil(horizon_s / step_s_ - 0.1), 1, kMostSteps));
+  if (size != size_ || num_steps_ != num_steps) {
+    size_ = size;
+    num_steps_ = num_steps;
+    stride_ = (static_cast<std::size_t>(size_.z()) + 8) / 8 * 8;  // at least one more, so that columns do not mix
+    boxes_.resize(static_cast<std::size_t>(num_steps_) + 1);
+    values_.assign(column(num_steps_, size_.x(), size_.y()) + 2 * stride_, kFar);
+    along_z_.resize((static_cast<std::size_t>(size_.y()) + 2) * stride_);
+    along_y_.resize(3 * along_z_.size());
+    rim_.resize(static_cast<std::size_t>(size_.y()) * stride_);
+    for (std::size_t i = 0; i < rim_.size(); ++i)
+      rim_[i] = i % stride_ < static_cast<std::size_t>(size_.z()) ? std::numeric_limits<Value>::min() : kFar;
+  }
+  for (int axis = 0; axis < 3; ++axis) {
+    auto& straight = straight_[static_cast<std::size_t>(axis)];
+    straight.resize(static_cast<std::size_t>(size_[axis]));
+    for (int i = 0; i < size_[axis]; ++i) {
+      const double way_m = std::abs(goal[axis] - corner_[axis] - cell_m_ * (i + 0.5));
+      straight[static_cast<std::size_t>(i)] =
+          static_cast<Value>(std::min<double>(kLongest, std::round(way_m * inverse_cell_ * kTicksPerStep)));
+    }
+  }
+  goal_ = ((goal - corner_) * inverse_cell_).array().floor().matrix().cast<int>();
+}
+
+void CostToGo::limit_space(double low_z, double high_z, const GridGeometry& grid) {
+  space_ = cells_between(corner_.z(), cell_m_, size_.z(), low_z, high_z);
+  space_middles_.assign(static_cast<std::size_t>(grid.words_per_column()), 0);
+  shut_.assign(rim_.size(), 0);
+  for (int z = 0; z < size_.z(); ++z) {
+    if (space_.holds(z)) {
+      const int voxel = middle_of(z);
+      space_middles_[static_cast<std::size_t>(voxel >> 6)] |= std::uint64_t{1} << (voxel & 63);
+    } else {
+      for (std::size_t i = static_cast<std::size_t>(z); i < shut_.size(); i += stride_) shut_[i] = kPenalty;
+    }
+  }
+}
+
+// After the last frame only what stands still is in the way.
+void CostToGo::finish(const Guidance* guidance) {
+  const auto passed = static_cast<Value>(num_steps_ * kTicksPerStep);
+  const Columns columns = boxes_.back().columns();
+  if (columns.empty()) return;
+  const auto num_z = static_cast<std::size_t>(size_.z());
+  const std::size_t n = static_cast<std::size_t>(columns.width()) * stride_;
+  straight_row_.assign(n, kFar);
+  around_.assign(n, -1);
+  for (int y = columns.first.y(); y <= columns.last.y(); ++y) {
+    Value* out = straight_row_.data() + static_cast<std::size_t>(y - columns.first.y()) * stride_;
+    for (std::size_t z = 0; z < num_z; ++z)
+      out[z] = std::max(straight_[1][static_cast<std::size_t>(y)], straight_[2][z]);
+  }
+  for (int x = columns.first.x(); x <= columns.last.x(); ++x) {
+    if (guidance != nullptr)
+      guidance->steps(corner_, x, columns.first.y(), columns.width(), size_.z(), stride_, around_.data());
+    Value* out = values_.data() + column(num_steps_, x, columns.first.y());
+    finish_row(straight_row_.data(), straight_[0][static_cast<std::size_t>(x)], around_.data(), kTicksPerStep, passed,
+               n, out);
+    for (int y = 0; y < columns.width(); ++y, out += stride_) std::fill(out + num_z, out + stride_, kFar);
+  }
+}
+
+// Far away: what the robot does not reach of `around`.
+void CostToGo::isolate(int step, const Columns& around) {
+  const Columns window{Eigen::Vector2i::Zero(), size_.head<2>() - Eigen::Vector2i::Ones()};
+  const Columns inside{around.first.cwiseMax(window.first), around.last.cwiseMin(window.last)};
+  for_each_outside(inside, boxes_[static_cast<std::size_t>(step)].columns(), [&](int x, int from, int to) {
+    std::fill_n(values_.data() + column(step, x, from), static_cast<std::size_t>(to - from + 1) * stride_, kFar);
+  });
+}
+
+// The least value of each cell and its neighbours at the end of the step.
+void CostToGo::spread(int step) {
+  const Box& box = boxes_[static_cast<std::size_t>(step)];
+  const int first_y = box.first.y();
+  const std::size_t n = static_cast<std::size_t>(box.last.y() - first_y + 1) * stride_;
+  const auto row = [&](int x) { return along_y_.data() + static_cast<std::size_t>((x + 3) % 3) * along_z_.size(); };
+  for (int x = box.first.x() - 1; x <= box.last.x() + 1; ++x) {
+    least_of_three(values_.data() + column(step + 1, x, first_y - 1), 1, n + 2 * stride_, along_z_.data());
+    least_of_three(along_z_.data() + stride_, stride_, n, row(x));
+    if (x <= box.first.x()) continue;
+    least_of_rows(row(x - 2), row(x - 1), row(x), shut_.data(), rim_.data(), kFar, n,
+                  values_.data() + column(step, x - 1, first_y));
+  }
+}
+
+// What a step adds to closed cells; at the goal the time stands still.
+void CostToGo::close(int step, const Occupancy& occupancy) {
+  const Sogm& sogm = *occupancy.sogm;
+  const Box& box = boxes_[static_cast<std::size_t>(step)];
+  const Columns columns = box.columns();
+  const int frame = sogm.frame_at(start_utime_ + std::llround(1e6 * (step + 0.5) * step_s_));
+  const Eigen::Vector2i margin = Eigen::Vector2i::Constant(dilator_.reach());
+  layers_.clear();
+  occupancy.append_layers(frame,
+                          {kCellVoxels * columns.first - margin,
+                           kCellVoxels * columns.last + margin + Eigen::Vector2i::Constant(kCellVoxels)},
+                          &layers_);
+  const auto words = static_cast<std::size_t>(sogm.geometry.words_per_column());
+  closed_.resize(static_cast<std::size_t>((columns.last.x() - columns.first.x() + 1) * columns.width()) * words);
+  dilator_.sample(layers_, kCellVoxels, columns, closed_.data(), static_cast<std::size_t>(columns.width()) * words);
+  const std::uint64_t* closed = closed_.data();
+  for (int x = columns.first.x(); x <= columns.last.x(); ++x) {
+    Value* out = values_.data() + column(step, x, columns.first.y());
+    for (int y = columns.first.y(); y <= columns.last.y(); ++y, out += stride_) {
+      if (words == 1 && space_middles_[0] != 0 && (*closed & space_middles_[0]) == space_middles_[0]) {
+        add_to_all(kPenalty, kFar, static_cast<std::size_t>(space_.last - space_.first + 1), out + space_.first);
+        ++closed;
+        continue;
+      }
+      for (std::size_t w = 0; w < words; ++w) {
+        for (std::uint64_t bits = *closed++ & space_middles_[w]; bits != 0; bits &= bits - 1) {
+          Value& value = out[(64 * w + static_cast<std::size_t>(std::countr_zero(bits))) / kCellVoxels];
+          value = static_cast<Value>(std::min(value, kFar) + kPenalty);
+        }
+      }
+    }
+  }
+  if ((goal_.array() < box.first.array()).any() || (goal_.array() > box.last.array()).any()) return;
+  values_[column(step, goal_.x(), goal_.y()) + static_cast<std::size_t>(goal_.z())] =
+      static_cast<Value>(step * kTicksPerStep);
+}
+
+}  // namespace swarm

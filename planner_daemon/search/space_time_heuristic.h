@@ -1,0 +1,99 @@
+// Cost to go among what moves: how much longer the way to the goal takes than the straight one, from every cell of the
+// window at every step of time, for a point that turns at once but is never faster than the robot. The search's
+// heuristic knows by it where the gaps will be, which the paper names as its weakness (section VI: deadlock for want of
+// guidance).
+#pragma once
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "planner_daemon/search/static_heuristic.h"
+#include "planner_daemon/space/reachability.h"
+#include "planner_daemon/space/swept_volume.h"
+
+namespace swarm {
+
+class CostToGo {
+ public:
+  // Dynamic programming, backwards through the time of the map, over cells of kCellVoxels' edge, only where `reach`
+  // comes to (and a cell beyond). A step lasts as long as the point takes for one cell along an axis; in a step it
+  // moves to any of the 26 neighbours or waits. A cell is closed in a step when nearly all of it is: when its middle
+  // voxel lies within cell_radius_m(blocked_m) of something occupied in the frame in force at the middle of the step;
+  // it may be passed at the price of kClosedSteps. After the map's last frame only what stands still is left:
+  // `guidance`; null: nothing.
+  void build(const Occupancy& occupancy, double blocked_m, const Guidance* guidance, const Reach& reach,
+             const Eigen::Vector3d& goal, const Eigen::Vector3d& space_min, const Eigen::Vector3d& space_max);
+
+  static constexpr int kClosedSteps = 7;
+
+  int num_steps() const { return num_steps_; }
+  int step_at(std::int64_t utime) const;  // nearest start of a step; num_steps(): after the last
+  // Index along an axis of the cell that holds a coordinate [m]; -1 where nothing is known in this step. A rest of the
+  // window that is less than a cell counts as the last cell.
+  int cell_of(int step, int axis, double coordinate) const {
+    const double cell = (coordinate - corner_[axis]) * inverse_cell_;
+    if (!(cell >= 0.0 && cell < edge_[axis])) return -1;
+    const int index = std::min(static_cast<int>(cell), size_[axis] - 1);
+    const Box& box = boxes_[static_cast<std::size_t>(step)];
+    return index >= box.first[axis] && index <= box.last[axis] ? index : -1;
+  }
+  // Detour or wait ahead of a point in that cell at the start of that step [s]; 0 for indices of -1 and where all that
+  // can follow is unknown.
+  double delay_s(int step, int x, int y, int z) const {
+    if ((x | y | z) < 0) return 0.0;
+    const Value value = values_[column(step, x, y) + static_cast<std::size_t>(z)];
+    return value < kFar ? std::max(0, value - step * kTicksPerStep - straight(x, y, z)) * tick_s_ : 0.0;
+  }
+
+ private:
+  using Value = std::int16_t;  // [ticks]
+  static constexpr int kTicksPerStep = 16;
+  static constexpr Value kFar = 30'000;  // beyond what is known, and the most that is told apart
+  static constexpr Value kPenalty = kClosedSteps * kTicksPerStep;
+  struct Box {  // cells; the last ones included
+    Eigen::Vector3i first = Eigen::Vector3i::Zero(), last = Eigen::Vector3i::Constant(-1);
+
+    Columns columns() const { return {first.head<2>(), last.head<2>()}; }
+  };
+
+  std::size_t column(int step, int x, int y) const {  // a rim of far cells around each step
+    return ((static_cast<std::size_t>(step) * (size_.x() + 2) + x + 1) * (size_.y() + 2) + y + 2) * stride_;
+  }
+  Value straight(int x, int y, int z) const {  // without anything in the way
+    return std::max({straight_[0][static_cast<std::size_t>(x)], straight_[1][static_cast<std::size_t>(y)],
+                     straight_[2][static_cast<std::size_t>(z)]});
+  }
+  void lay_out(const Sogm& sogm, const Eigen::Vector3d& goal, double speed_mps);
+  void limit_space(double low_z, double high_z, const GridGeometry& grid);
+  void finish(const Guidance* guidance);
+  Box reached(const Reach& reach, int step) const;
+  void isolate(int step, const Columns& around);
+  void spread(int step);
+  void close(int step, const Occupancy& occupancy);
+
+  double cell_m_ = 0.3, inverse_cell_ = 1 / 0.3, step_s_ = 0.15, tick_s_ = 0.01;
+  std::int64_t start_utime_ = 0;
+  int num_steps_ = 0;
+  Eigen::Vector3d corner_ = Eigen::Vector3d::Zero();  // of the window, W [m]
+  Eigen::Vector3d edge_ = Eigen::Vector3d::Zero();    // of the window [cells]
+  Eigen::Vector3i size_ = Eigen::Vector3i::Zero();    // cells
+  Eigen::Vector3i goal_ = Eigen::Vector3i::Zero();    // cell
+  std::size_t stride_ = 0;                            // cells of a column, padded
+  std::vector<Box> boxes_;                            // by step: what is known
+  std::array<std::vector<Value>, 3> straight_;        // by axis and cell
+  CellSpan space_;                                    // of one column: inside the flight space
+  std::vector<std::uint64_t> space_middles_;          // of one column: bits of the cells' middle voxels inside it
+  std::vector<Value> shut_;                           // what a step adds to a row of cells outside the flight space
+  std::vector<Value> rim_;                            // of a row: kFar between the columns
+  std::vector<Value> values_;                         // step, x, y, z: when the goal is reached, after the first step
+  std::vector<Value> along_z_, along_y_;              // rows of a step
+  std::vector<Value> straight_row_, around_;          // of a row: the larger of two axes' ways; steps of the guidance
+  Dilator dilator_;
+  std::vector<Layer> layers_;
+  std::vector<std::uint64_t> closed_;  // columns of a step
+};
+
+}  // namespace swarm

@@ -1,0 +1,91 @@
+#include "swarm_sim/campaign/flight_arguments.h"
+
+#include <iostream>
+
+#include "lcmtypes/bus/text.h"
+
+namespace swarm {
+namespace {
+
+// Overlays a daemon's config file, in the format its --print-config prints, on its defaults.
+template <class Config>
+void overlay(const std::string& file, Config* config) {
+  if (file.empty()) return;
+  OptionSet options("swarm_sim run", "");
+  declare(options, *config);
+  const char* arguments[] = {"run", "--config", file.c_str()};
+  (void)options.parse(3, arguments, std::cout);
+  verify(*config);
+}
+
+// Every option once.
+template <class Arguments, class Visit>
+void for_each_number(Arguments& arguments, const Visit& visit) {
+  auto& link = arguments.link;
+  visit("time-limit", arguments.time_limit_s, 0.1, 3600, "s", "of simulated time");
+  visit("sensor-rate", arguments.sensor_rate_hz, 1, 100, "Hz", "of obstacle detections");
+  visit("link-delay-ms", link.delay_ms, 0, 10'000, "ms", "that messages between robots take longer");
+  visit("link-jitter-ms", link.jitter_ms, 0, 10'000, "ms", "the delay is uniform within +- this, at least 0");
+  visit("link-loss", link.loss, 0, 1, "", "share of the messages between robots that never arrives");
+  visit("link-duplicate", link.duplicate, 0, 1, "", "share that arrives twice");
+  visit("link-reorder", link.reorder, 0, 1, "", "share that is overtaken by later ones");
+  visit("clock-offset-ms", arguments.clock_offset_ms, 0, 10'000, "ms",
+        "the clock of the robot with the lowest id is so much behind that of the highest; the others lie between");
+}
+template <class Arguments, class Visit>
+void for_each_text(Arguments& arguments, const Visit& visit) {
+  visit("link-outage", arguments.outages, "ROBOT:FROM_S:TO_S,...: robots that neither send nor receive for a time");
+  visit("kill", arguments.kills,
+        "DAEMON:ROBOT@AT_S[-BACK_S],...: daemons (map, planner, broadcast) that are killed, and started again 0.1 s "
+        "later "
+        "or at BACK_S");
+  visit("map-config", arguments.map_config,
+        "config file for every map_daemon; identity and map file come from the world");
+  visit("planner-config", arguments.planner_config,
+        "config file for every planner_daemon; identity, limits and space come from the world");
+  visit("broadcast-config", arguments.broadcast_config,
+        "config file for every broadcast_daemon; identity, limits and roster come from the world");
+}
+
+}  // namespace
+
+void declare(OptionSet& options, FlightArguments& arguments) {
+  for_each_number(arguments, [&](const char* name, double& value, double low, double high, const char* unit,
+                                 const char* help) { options.add(name, &value, low, high, unit, help); });
+  for_each_text(arguments, [&](const char* name, std::string& value, const char* help) {
+    options.add(name, &value, help, [&value, &arguments](const std::string& text) {
+      if (&value == &arguments.outages) (void)parse_outages(text);
+      if (&value == &arguments.kills) (void)parse_kills(text);
+    });
+  });
+}
+
+FlightOptions flight_options(const FlightArguments& arguments) {
+  FlightOptions options;
+  options.time_limit_s = arguments.time_limit_s;
+  options.sensor_rate_hz = arguments.sensor_rate_hz;
+  overlay(arguments.map_config, &options.map);
+  overlay(arguments.planner_config, &options.planner);
+  overlay(arguments.broadcast_config, &options.broadcast);
+  options.link = arguments.link;
+  options.clock_offset_ms = arguments.clock_offset_ms;
+  options.link.outages = parse_outages(arguments.outages);
+  options.kills = parse_kills(arguments.kills);
+  return options;
+}
+
+NamedValues option_values(const FlightArguments& arguments) {
+  NamedValues values;
+  for_each_number(arguments, [&](const char* name, double value, double, double, const char*, const char*) {
+    values.emplace_back(name, text_of(value));
+  });
+  for_each_text(arguments,
+                [&](const char* name, const std::string& value, const char*) { values.emplace_back(name, value); });
+  return values;
+}
+
+std::string command_line(const FlightArguments& arguments) {
+  return given_options(option_values(arguments), option_values({}));
+}
+
+}  // namespace swarm

@@ -1,0 +1,33 @@
+// The options that decide how a world is flown, shared by `swarm_sim run` and `swarm_sim campaign`.
+#pragma once
+
+#include <string>
+
+#include "lcmtypes/bus/option_set.h"
+#include "lcmtypes/bus/text.h"
+#include "swarm_sim/environment/simulation.h"
+
+namespace swarm {
+
+struct FlightArguments {
+  double time_limit_s = 60.0;
+  double sensor_rate_hz = 20.0;
+  std::string map_config, planner_config, broadcast_config;  // files; empty: defaults
+  LinkOptions link;                                          // without its outages
+  double clock_offset_ms = 0.0;
+  std::string outages;  // as parse_outages() takes them
+  std::string kills;    // as parse_kills() takes them
+};
+
+void declare(OptionSet& options, FlightArguments& arguments);
+
+// Reads the config files. Throws OptionError.
+FlightOptions flight_options(const FlightArguments& arguments);
+
+// Name and value of every option, in a fixed order.
+NamedValues option_values(const FlightArguments& arguments);
+
+// What differs from the defaults, as it is given on the command line: " --time-limit 30", or "".
+std::string command_line(const FlightArguments& arguments);
+
+}  // namespace swarm

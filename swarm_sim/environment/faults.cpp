@@ -1,0 +1,32 @@
+#include "swarm_sim/environment/faults.h"
+
+#include <algorithm>
+
+#include "lcmtypes/bus/option_set.h"
+#include "lcmtypes/bus/text.h"
+
+namespace swarm {
+
+std::vector<Kill> parse_kills(const std::string& text) {
+  std::vector<Kill> kills;
+  if (text.empty()) return kills;
+  for (const std::string& item : split(text, ',')) {
+    const std::vector<std::string> halves = split(item, '@');
+    const std::vector<std::string> who = split(halves[0], ':');
+    const std::vector<std::string> when = split(halves.size() == 2 ? halves[1] : "", '-');
+    const auto daemon = std::ranges::find(kDaemons, who[0], [](const char* name) { return std::string(name); });
+    Kill kill;
+    kill.daemon = static_cast<std::size_t>(daemon - kDaemons.begin());
+    const bool good = halves.size() == 2 && who.size() == 2 && when.size() <= 2 && daemon != kDaemons.end() &&
+                      read_amount(who[1], &kill.robot_id) && read_amount(when[0], &kill.at_s);
+    kill.back_s = kill.at_s + kRestart_s;
+    if (!good || (when.size() == 2 && (!read_amount(when[1], &kill.back_s) || kill.back_s <= kill.at_s)))
+      throw OptionError("'" + item +
+                        "' must be DAEMON:ROBOT@AT_S or DAEMON:ROBOT@AT_S-BACK_S, DAEMON one of map, planner, "
+                        "broadcast, AT_S below BACK_S");
+    kills.push_back(kill);
+  }
+  return kills;
+}
+
+}  // namespace swarm

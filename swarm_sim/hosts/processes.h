@@ -1,0 +1,40 @@
+// Multi-process host: real daemons per robot over real multicast, each robot on its own onboard port as on a computer
+// of its own; this process is the world around them (obstacles, sensors, vehicles, judge), in real time.
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <stdexcept>
+#include <string>
+
+#include "swarm_sim/environment/simulation.h"
+#include "swarm_sim/results/report.h"
+#include "swarm_sim/world/occupied_cubes.h"
+#include "swarm_sim/world/world.h"
+
+namespace swarm {
+
+struct ProcessOptions {
+  bool start_daemons = true;  // false: they run already, as configured elsewhere
+  int base_port = 7667;       // swarm bus; robot k's onboard bus is base_port + 33 + k
+  std::string netns;          // robot k is in the network namespace of this name and its number; empty: all are here
+  std::filesystem::path out;  // the daemons' config files and output go here; empty: a temporary directory
+  std::filesystem::path programs;  // where the daemons are; empty: beside this program
+};
+
+// Buses of a swarm whose robots share one computer. They never leave it, but for a swarm bus of ttl > 0.
+std::string swarm_bus_url(int base_port, int ttl = 0);
+std::string onboard_bus_url(int base_port, int robot_id);
+
+// SIGINT or SIGTERM ended the run.
+struct Interrupted : std::runtime_error {
+  Interrupted() : std::runtime_error("interrupted") {}
+};
+
+// Flies `world` to its end; all children have ended when this returns or throws. `logs` and `trace` may be null. Throws
+// std::runtime_error when a daemon cannot be started, does not get ready or dies, Interrupted on a signal.
+RunReport run_processes(const World& world, const OccupiedCubes* static_map, const FlightOptions& options,
+                        const ProcessOptions& processes, BusLog* logs, TraceWriter* trace,
+                        const std::function<void(double t_s, const Simulation&)>& progress);
+
+}  // namespace swarm

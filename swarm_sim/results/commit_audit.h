@@ -1,0 +1,75 @@
+// Audits the promise of the commit protocol from what is on the swarm bus alone: no two committed motions, hover tails
+// included, ever come closer than the sum of the radii.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <span>
+#include <vector>
+
+#include "lcmtypes/bus/codec.h"
+#include "planner_daemon/trajectory/trajectory.h"
+
+namespace swarm {
+
+// Two robots' committed motions that meet, first seen when one of them was announced.
+struct CommitConflict {
+  std::int64_t utime = 0;
+  int robot = 0, other = 0;             // ids
+  std::int32_t seq = 0, other_seq = 0;  // of the newest trajectory each is bound to
+  bool forced = false;                  // one of them was: see commit_protocol.h
+};
+
+class CommitAudit {
+ public:
+  // An announcement as it was sent, by a robot whose clock is ahead of the world's; in the order of sending. Anything
+  // else is ignored.
+  void hear(std::span<const std::uint8_t> bytes, std::int64_t clock_offset_us = 0);
+  // The same in any order; finish() then hears them in the order of their header times, which is that of cause and
+  // effect where none of what a robot sent is missing. `clock_offset_ms`: as in FlightOptions, of the robots heard.
+  void collect(std::span<const std::uint8_t> bytes);
+  void finish(double clock_offset_ms = 0.0);
+
+  int robots() const { return static_cast<int>(robots_.size()); }
+  std::int64_t motions() const { return motions_; }  // audited
+  std::int64_t forced() const { return forced_; }    // of them
+  const std::vector<CommitConflict>& conflicts() const { return conflicts_; }
+
+ private:
+  struct Announcement {
+    sogm_swarm::header_t header{};
+    double radius_m = 0.0;
+    Motion motion;
+    std::int32_t forced_seq = 0;  // newest that was committed without everybody's word
+
+    void set_back(std::int64_t clock_offset_us);  // to the world's time
+    // Bound to one that was forced lately.
+    bool is_forced(std::int64_t utime) const;
+    // Says something else than `other`: not only that time has gone on.
+    bool differs(const Announcement& other) const;
+  };
+  struct Robot {
+    SequenceGate gate;
+    Announcement newest;
+  };
+  // False: it is none.
+  static bool read(std::span<const std::uint8_t> bytes, Announcement* announcement);
+  void hear(const Announcement& announcement);
+
+  std::map<int, Robot> robots_;
+  std::map<int, Announcement> newest_;   // collected
+  std::vector<Announcement> collected_;  // without repetitions
+  std::int64_t motions_ = 0, forced_ = 0;
+  std::vector<CommitConflict> conflicts_;
+};
+
+// All announcements of a log of the swarm bus. `clock_offset_ms`: as in FlightOptions. Throws std::runtime_error with
+// path and reason.
+CommitAudit audit_log(const std::filesystem::path& path, double clock_offset_ms = 0.0);
+
+// Subcommand; argv[0] is its name. 0: no conflict but with forced motions, 1: conflicts, 2: bad input, after one line
+// on stderr.
+int audit_command(int argc, const char* const* argv);
+
+}  // namespace swarm

@@ -1,0 +1,74 @@
+#include "swarm_sim/results/recorder.h"
+
+#include <stdexcept>
+
+#include "lcmtypes/bus/text.h"
+
+namespace swarm {
+namespace {
+
+constexpr int kDecimals = 6;
+constexpr int kSwarmBus = -1;  // among the robots' ids
+
+[[noreturn]] void fail(const AtomicFile& file) {
+  throw std::runtime_error(file.path().string() + ": cannot be written");
+}
+
+}  // namespace
+
+TraceWriter::TraceWriter(const std::filesystem::path& path) : file_(path), out_(file_.temporary(), std::ios::binary) {
+  out_ << "t,robot,x,y,z,vx,vy,vz,ax,ay,az\n";
+  if (!out_) fail(file_);
+}
+
+void TraceWriter::write(double t_s, int robot_id, const MotionState& state) {
+  line_.clear();
+  append_fixed(t_s, kDecimals, &line_);
+  line_ += ',';
+  line_ += std::to_string(robot_id);
+  for (const Eigen::Vector3d* vector : {&state.position, &state.velocity, &state.acceleration}) {
+    for (const double value : *vector) {
+      line_ += ',';
+      append_fixed(value, kDecimals, &line_);
+    }
+  }
+  line_ += '\n';
+  if (!(out_ << line_)) fail(file_);
+}
+
+void TraceWriter::close() {
+  out_.close();
+  if (!out_) fail(file_);
+  file_.commit();
+}
+
+BusLog::Log::Log(const std::filesystem::path& path) : file(path), log(file.temporary().string(), "w") {
+  if (!log.good()) fail(file);
+}
+
+BusLog::BusLog(const std::filesystem::path& directory, const std::vector<int>& robot_ids) {
+  logs_.try_emplace(kSwarmBus, directory / "swarm.lcm");
+  for (const int id : robot_ids) logs_.try_emplace(id, directory / ("robot" + std::to_string(id) + ".lcm"));
+}
+
+void BusLog::write(BusId bus, int robot_id, std::int64_t utime, std::string_view channel,
+                   std::span<const std::uint8_t> bytes) {
+  Log& log = logs_.at(bus == BusId::kSwarm ? kSwarmBus : robot_id);
+  lcm::LogEvent event{};
+  event.timestamp = utime;
+  event.channel = channel;
+  event.datalen = static_cast<std::int32_t>(bytes.size());
+  event.data = const_cast<std::uint8_t*>(bytes.data());  // only read
+  if (log.log.writeEvent(&event) != 0) fail(log.file);
+}
+
+// The data must be on its way to the disk before the name appears; the stream itself is closed by its destructor.
+void BusLog::close() {
+  for (auto& [id, log] : logs_) {
+    if (std::fflush(log.log.getFilePtr()) != 0) fail(log.file);
+    log.file.commit();
+  }
+  logs_.clear();
+}
+
+}  // namespace swarm

@@ -1,0 +1,181 @@
+#include "swarm_sim/results/report.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "lcmtypes/bus/atomic_file.h"
+#include "lcmtypes/bus/text.h"
+
+namespace swarm {
+namespace {
+
+using nlohmann::ordered_json;
+
+ordered_json array(const Eigen::Vector3d& v) {
+  return {v.x(), v.y(), v.z()};
+}
+
+ordered_json to_json(const TimingStats& s) {
+  return {{"count", s.count}, {"mean", s.mean_ms}, {"p50", s.p50_ms},
+          {"p95", s.p95_ms},  {"p99", s.p99_ms},   {"max", s.max_ms}};
+}
+
+ordered_json to_json(const Touch& touch) {
+  return {{"t", touch.t_s},
+          {"robot", touch.robot},
+          {"counterpart", to_string(touch.counterpart)},
+          {"other", touch.other},
+          {"distance", touch.distance_m}};
+}
+
+ordered_json to_json(const Clearance& clearance) {
+  if (!std::isfinite(clearance.distance_m)) return nullptr;
+  return {{"distance", clearance.distance_m}, {"t", clearance.t_s}, {"other", clearance.other}};
+}
+
+ordered_json to_json(const RobotReport& robot) {
+  const RobotVerdict& verdict = robot.verdict;
+  ordered_json refused = ordered_json::object();  // only what happened
+  for (int i = 0; i < kNumRefusals; ++i) {
+    if (robot.refused[static_cast<std::size_t>(i)] != 0)
+      refused[to_string(static_cast<Refusal>(i))] = robot.refused[static_cast<std::size_t>(i)];
+  }
+  return {{"id", verdict.id},
+          {"flight_time", verdict.flight_time_s ? ordered_json(*verdict.flight_time_s) : ordered_json()},
+          {"clearance",
+           {{"obstacles", to_json(verdict.to_obstacles)},
+            {"static_map", to_json(verdict.to_static_map)},
+            {"robots", to_json(verdict.to_robots)}}},
+          {"path_length", verdict.path_length_m},
+          {"max_speed", array(verdict.max_speed_mps)},
+          {"max_acceleration", array(verdict.max_acceleration_mps2)},
+          {"max_position_jump", verdict.max_position_jump_m},
+          {"max_acceleration_step", verdict.max_acceleration_step_mps2},
+          {"plans", robot.plans},
+          {"plan_rate_hz", robot.plan_rate_hz},
+          {"missed", robot.missed},
+          {"refused", refused}};
+}
+
+template <class Item>
+ordered_json list(const std::vector<Item>& items) {
+  ordered_json json = ordered_json::array();
+  for (const Item& item : items) json.push_back(to_json(item));
+  return json;
+}
+
+std::string fixed(double value, int decimals) {
+  if (!std::isfinite(value)) return "-";
+  std::string text;
+  append_fixed(value, decimals, &text);
+  return text;
+}
+
+}  // namespace
+
+TimingStats timing_stats(std::vector<double> samples_ms) {
+  if (samples_ms.empty()) return {};
+  std::ranges::sort(samples_ms);
+  const auto n = static_cast<double>(samples_ms.size());
+  const auto percentile = [&](double p) {
+    return samples_ms[static_cast<std::size_t>(std::max(1.0, std::ceil(p / 100.0 * n))) - 1];
+  };
+  const double mean = std::accumulate(samples_ms.begin(), samples_ms.end(), 0.0) / n;
+  return {static_cast<std::int64_t>(samples_ms.size()),
+          mean,
+          percentile(50),
+          percentile(95),
+          percentile(99),
+          samples_ms.back()};
+}
+
+RunReport make_report(const std::string& world, const std::string& mode, const Judge& judge, double duration_s,
+                      double wall_s, const std::vector<PlanningSamples>& planning) {
+  RunReport report;
+  report.world = world;
+  report.mode = mode;
+  report.outcome = judge.outcome();
+  report.touches = judge.touches();
+  report.duration_s = duration_s;
+  report.wall_s = wall_s;
+  for (std::size_t step = 0; step < kPlanningSteps.size(); ++step) {
+    std::vector<double> all;
+    for (const PlanningSamples& robot : planning) all.insert(all.end(), robot[step].begin(), robot[step].end());
+    report.planning[step] = timing_stats(std::move(all));
+  }
+  return report;
+}
+
+void RunReport::count_commits(const CommitAudit& audit) {
+  forced_commits = audit.forced();
+  forced_conflicts = std::ranges::count(audit.conflicts(), true, &CommitConflict::forced);
+  commit_conflicts = static_cast<std::int64_t>(audit.conflicts().size()) - forced_conflicts;
+}
+
+ordered_json to_json(const RunReport& report) {
+  ordered_json options = ordered_json::object(), planning = ordered_json::object(), channels = ordered_json::object();
+  for (const auto& [name, value] : report.options) options[name] = value;
+  for (std::size_t i = 0; i < kPlanningSteps.size(); ++i) planning[kPlanningSteps[i]] = to_json(report.planning[i]);
+  for (const auto& [name, count] : report.channels)
+    channels[name] = {{"messages", count.messages}, {"bytes", count.bytes}, {"lost", count.lost}};
+  return {{"world", report.world},
+          {"mode", report.mode},
+          {"seed", report.seed},
+          {"options", options},
+          {"outcome", to_string(report.outcome)},
+          {"duration", report.duration_s},
+          {"wall", report.wall_s},
+          {"touches", list(report.touches)},
+          {"commit_conflicts", report.commit_conflicts},
+          {"forced_commits", report.forced_commits},
+          {"forced_conflicts", report.forced_conflicts},
+          {"robots", list(report.robots)},
+          {"planning_ms", planning},
+          {"mapping_ms", report.mapping.count > 0 ? to_json(report.mapping) : ordered_json(nullptr)},
+          {"channels", channels}};
+}
+
+void write_report(const RunReport& report, const std::filesystem::path& path) {
+  write_file(path, to_json(report).dump(1, ' ', false, ordered_json::error_handler_t::replace) + "\n");
+}
+
+std::string summary_table(const RunReport& report) {
+  std::string text = report.world + ": " + to_string(report.outcome) + " after " + fixed(report.duration_s, 2) +
+                     " s (" + report.mode + ", " + fixed(report.wall_s, 2) + " s of wall time)\n";
+  if (report.commit_conflicts > 0)
+    text.append("  committed trajectories that meet: ").append(std::to_string(report.commit_conflicts)).append("\n");
+  if (report.forced_commits > 0)
+    text.append("  trajectories forced before an impact: ")
+        .append(std::to_string(report.forced_commits))
+        .append(", of which meet others: ")
+        .append(std::to_string(report.forced_conflicts))
+        .append("\n");
+  for (const Touch& touch : report.touches) {
+    const std::string other = touch.other < 0 ? "" : std::to_string(touch.other);
+    text.append("  robot ")
+        .append(std::to_string(touch.robot))
+        .append(" touched ")
+        .append(to_string(touch.counterpart));
+    text.append(other.empty() ? "" : " ").append(other).append(" at ").append(fixed(touch.t_s, 2)).append(" s\n");
+  }
+  std::vector<std::vector<std::string>> rows = {
+      {"robot", "flight s", "to obstacles m", "to static m", "to robots m", "path m", "plans", "plans/s", "missed"}};
+  for (const RobotReport& robot : report.robots) {
+    const RobotVerdict& v = robot.verdict;
+    rows.push_back({std::to_string(v.id), fixed(v.flight_time_s.value_or(INFINITY), 2),
+                    fixed(v.to_obstacles.distance_m, 3), fixed(v.to_static_map.distance_m, 3),
+                    fixed(v.to_robots.distance_m, 3), fixed(v.path_length_m, 2), std::to_string(robot.plans),
+                    fixed(robot.plan_rate_hz, 1), std::to_string(robot.missed)});
+  }
+  text += aligned(rows);
+  rows = {{"planning ms", "mean", "p50", "p95", "p99", "max"}};
+  for (std::size_t i = 0; i < kPlanningSteps.size(); ++i) {
+    const TimingStats& s = report.planning[i];
+    rows.push_back({kPlanningSteps[i], fixed(s.mean_ms, 3), fixed(s.p50_ms, 3), fixed(s.p95_ms, 3), fixed(s.p99_ms, 3),
+                    fixed(s.max_ms, 3)});
+  }
+  return text + aligned(rows);
+}
+
+}  // namespace swarm

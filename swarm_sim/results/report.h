@@ -1,0 +1,80 @@
+// report.json and the table on the terminal: what came of a run.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "lcmtypes/bus/codec.h"
+#include "swarm_sim/environment/judge.h"
+#include "swarm_sim/results/commit_audit.h"
+
+namespace swarm {
+
+// Percentiles are of the nearest rank; all 0 when there are no samples.
+struct TimingStats {
+  std::int64_t count = 0;
+  double mean_ms = 0.0, p50_ms = 0.0, p95_ms = 0.0, p99_ms = 0.0, max_ms = 0.0;
+};
+TimingStats timing_stats(std::vector<double> samples_ms);
+
+// The steps of one plan, in the order of RunReport::planning.
+inline constexpr std::array<const char*, 6> kPlanningSteps = {"compose",  "search", "corridor",
+                                                              "optimize", "check",  "total"};
+
+// Durations of every plan of one robot [ms], by step.
+using PlanningSamples = std::array<std::vector<double>, kPlanningSteps.size()>;
+
+struct ChannelCount {
+  std::int64_t messages = 0;  // sent
+  std::int64_t bytes = 0;     // sent
+  std::int64_t lost = 0;      // deliveries that did not take place
+};
+
+struct RobotReport {
+  RobotVerdict verdict;
+  std::int64_t plans = 0;
+  double plan_rate_hz = 0.0;
+  std::int64_t missed = 0;                           // maps that arrived while no plan could start in time
+  std::array<std::int64_t, kNumRefusals> refused{};  // by all daemons of the robot, by reason
+};
+
+struct RunReport {
+  std::string world;
+  std::string mode;  // e.g. lock-step, processes
+  std::uint64_t seed = 0;
+  std::vector<std::pair<std::string, std::string>> options;  // in the order to be shown
+  Outcome outcome = Outcome::kTimeout;
+  double duration_s = 0.0;  // simulated
+  double wall_s = 0.0;      // spent on it
+  std::vector<Touch> touches;
+  std::int64_t commit_conflicts = 0;  // committed motions that meet though nobody was forced; see commit_audit.h
+  std::int64_t forced_commits = 0;    // without everybody's word, before an impact; see commit_protocol.h
+  std::int64_t forced_conflicts = 0;  // of these, with others
+  std::vector<RobotReport> robots;
+  std::array<TimingStats, kPlanningSteps.size()> planning;  // over all robots
+  TimingStats mapping;                                      // building and encoding a SOGM; nothing in processes
+  std::map<std::string, ChannelCount> channels;
+
+  void count_commits(const CommitAudit& audit);
+};
+
+// What every host reports the same way: the judge's view and the planning times over all robots.
+RunReport make_report(const std::string& world, const std::string& mode, const Judge& judge, double duration_s,
+                      double wall_s, const std::vector<PlanningSamples>& planning);
+
+// Keys in a fixed order; what was never measured is null.
+nlohmann::ordered_json to_json(const RunReport& report);
+
+// Writes report.json whole or not at all. Throws std::runtime_error with path and reason.
+void write_report(const RunReport& report, const std::filesystem::path& path);
+
+// A small aligned table: outcome, a line per robot, planning times.
+std::string summary_table(const RunReport& report);
+
+}  // namespace swarm

@@ -1,0 +1,226 @@
+#include "swarm_sim/world/world_generator.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+#include <random>
+
+#include "lcmtypes/bus/portable_math.h"
+#include "lcmtypes/bus/text.h"
+
+namespace swarm {
+namespace {
+
+constexpr double kHeight_m = 1.0;          // of every start and goal
+constexpr double kStartClearance_m = 0.7;  // between an obstacle and a robot at t = 0
+constexpr int kMaxTries = 10000;           // per obstacle or robot
+constexpr int kUsualRobots = 10;
+constexpr int kMaxObstacles = 500;
+constexpr std::array kTasks = {"cross", "bilateral", "unilateral", "circle", "random"};
+constexpr std::array kEnvironments = {"empty", "pure", "mixed"};
+
+// Cut towards zero, so that ranges hold and libraries that differ in the last bit agree.
+double cut(double value) {
+  return std::trunc(value * 1e6) / 1e6;
+}
+
+// The standard fixes the engine's numbers but not those of its distributions.
+class Random {
+ public:
+  explicit Random(std::uint64_t seed) : engine_(seed) {}
+  double uniform(double low, double high) {
+    return cut(low + (high - low) * (static_cast<double>(engine_() >> 11) * 0x1p-53));
+  }
+
+ private:
+  std::mt19937_64 engine_;
+};
+
+void add_robot(World* world, const Fleet& fleet, const Eigen::Vector3d& start, const Eigen::Vector3d& goal) {
+  world->robots.push_back({static_cast<int>(world->robots.size()), start, goal, fleet.robot_m});
+}
+// At the height of all tasks of the paper.
+void add_level_robot(World* world, const Fleet& fleet, const Eigen::Vector2d& start, const Eigen::Vector2d& goal) {
+  add_robot(world, fleet, {start.x(), start.y(), kHeight_m}, {goal.x(), goal.y(), kHeight_m});
+}
+
+void add_circle(World* world, const Fleet& fleet) {
+  const double radius_m = fleet.circle_m != 0.0 ? fleet.circle_m : 10.0;
+  if (!(radius_m >= 0.5 && radius_m <= 1000.0))
+    throw WorldError("radius: " + text_of(radius_m) + " must be in [0.5, 1000] m");
+  const int robots = fleet.robots != 0 ? fleet.robots : kUsualRobots;
+  for (int i = 0; i < robots; ++i) {
+    const auto [sin, cos] = sin_cos(2.0 * std::numbers::pi * i / robots);
+    const Eigen::Vector2d start(cut(radius_m * cos), cut(radius_m * sin));
+    add_level_robot(world, fleet, start, -start);
+  }
+  const double outer = std::max(world->space.max.x(), radius_m + 1.0);
+  const double inner = std::max(world->obstacle_bounds.max.x(), radius_m - 1.0);
+  world->space = {{-outer, -outer, world->space.min.z()}, {outer, outer, world->space.max.z()}};
+  world->obstacle_bounds = {{-inner, -inner}, {inner, inner}};
+}
+
+// Starts and goals each apart by a robot's width more than touching, goals away from the starts.
+void add_random(World* world, const Fleet& fleet, Random* random) {
+  const double edge_m = 2 * fleet.robot_m;
+  world->space = {{-fleet.space_m.x() / 2, -fleet.space_m.y() / 2, 0},
+                  {fleet.space_m.x() / 2, fleet.space_m.y() / 2, fleet.space_m.z()}};
+  world->obstacle_bounds = {world->space.min.head<2>(), world->space.max.head<2>()};
+  const Eigen::Vector3d low = world->space.min.array() + edge_m, high = world->space.max.array() - edge_m;
+  if ((low.array() >= high.array()).any()) throw WorldError("size: the robots must fit into the space");
+  std::vector<Eigen::Vector3d> starts, goals;
+  const auto place = [&](std::vector<Eigen::Vector3d>* places, const Eigen::Vector3d* away_from) {
+    for (int tries = 0; tries < kMaxTries; ++tries) {
+      const Eigen::Vector3d drawn(random->uniform(low.x(), high.x()), random->uniform(low.y(), high.y()),
+                                  random->uniform(low.z(), high.z()));
+      const bool apart = std::ranges::all_of(
+          *places, [&](const Eigen::Vector3d& other) { return (drawn - other).norm() >= 2 * edge_m; });
+      const bool away = away_from == nullptr || (drawn - *away_from).norm() >= fleet.space_m.head<2>().minCoeff() / 4;
+      if (!apart || !away) continue;
+      places->push_back(drawn);
+      return;
+    }
+    throw WorldError("robots: " + std::to_string(fleet.robots) + " must find places apart; there is no room");
+  };
+  const int robots = fleet.robots != 0 ? fleet.robots : kUsualRobots;
+  for (int i = 0; i < robots; ++i) {
+    place(&starts, nullptr);
+    place(&goals, &starts.back());
+    add_robot(world, fleet, starts.back(), goals.back());
+  }
+}
+
+void add_robots(World* world, Task task, const Fleet& fleet, Random* random) {
+  const auto add = [&](const Eigen::Vector2d& start, const Eigen::Vector2d& goal) {
+    add_level_robot(world, fleet, start, goal);
+  };
+  switch (task) {
+    case Task::kCross:
+      add({-8, 0}, {8, 0});
+      add({8, 0}, {-8, 0});
+      add({0, 8}, {0, -8});
+      add({0, -8}, {0, 8});
+      break;
+    case Task::kBilateral:
+      for (const double y : {3.0, -3.0}) add({-8, y}, {8, -y});
+      for (const double y : {-3.0, 3.0}) add({8, y}, {-8, -y});
+      break;
+    case Task::kUnilateral:
+      for (const double y : {6.0, 2.0, -2.0, -6.0}) add({-8, y}, {8, -y});
+      break;
+    case Task::kCircle:
+      add_circle(world, fleet);
+      break;
+    case Task::kRandom:
+      add_random(world, fleet, random);
+      break;
+  }
+}
+
+WorldObstacle draw_obstacle(bool ring, const Rectangle& bounds, Random* random) {
+  WorldObstacle obstacle;
+  if (ring) {
+    obstacle.shape.kind = Shape::Kind::kRing;
+    obstacle.shape.size = {random->uniform(0.7, 2.5), 0.1, 0.0};
+    obstacle.center.z() = random->uniform(0.8, 2.0);
+    obstacle.shape.yaw_rad = random->uniform(0.0, std::numbers::pi);
+  } else {
+    obstacle.shape.kind = Shape::Kind::kColumn;
+    obstacle.shape.size = {random->uniform(0.5, 1.0), 4.0, 0.0};
+    obstacle.center.z() = 0.5 * obstacle.shape.size.y();
+  }
+  const double speed_mps = random->uniform(0.0, 1.0), heading_rad = random->uniform(0.0, 2.0 * std::numbers::pi);
+  const auto [sin, cos] = sin_cos(heading_rad);
+  obstacle.velocity_mps = {cut(speed_mps * cos), cut(speed_mps * sin)};
+  for (int axis = 0; axis < 2; ++axis) obstacle.center[axis] = random->uniform(bounds.min[axis], bounds.max[axis]);
+  return obstacle;
+}
+
+bool clear_of_starts(const WorldObstacle& obstacle, const World& world) {
+  return std::ranges::all_of(world.robots, [&](const WorldRobot& robot) {
+    return distance(obstacle.shape, robot.start - obstacle.center) - robot.radius_m >= kStartClearance_m;
+  });
+}
+
+template <class Names>
+int index_of(const Names& names, const std::string& text, const std::string& what) {
+  std::string known;
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    if (text == names[i]) return static_cast<int>(i);
+    known += (i == 0 ? "" : ", ") + std::string(names[i]);
+  }
+  throw WorldError(what + ": \"" + text + "\" must be one of " + known);
+}
+
+}  // namespace
+
+const char* to_string(Task task) {
+  return kTasks[static_cast<std::size_t>(task)];
+}
+const char* to_string(Environment environment) {
+  return kEnvironments[static_cast<std::size_t>(environment)];
+}
+Task task_from(const std::string& text) {
+  return static_cast<Task>(index_of(kTasks, text, "task"));
+}
+Environment environment_from(const std::string& text) {
+  return static_cast<Environment>(index_of(kEnvironments, text, "env"));
+}
+
+void declare(OptionSet& options, Fleet& fleet) {
+  options.add("robots", &fleet.robots, 0, kMaxRobots, "", "robots of the tasks circle and random; 0: 10");
+  options.add("radius", &fleet.circle_m, 0, 1000, "m", "of the circle; 0: 10 m");
+  options.add("robot-radius", &fleet.robot_m, 0.01, 10, "m", "of each robot");
+  options.add("speed", &fleet.speed_mps, 0.01, 100, "m/s", "limit of every robot, per axis");
+  options.add("acceleration", &fleet.acceleration_mps2, 0.01, 1000, "m/s^2", "limit of every robot, per axis");
+  options.add("space", &fleet.space_m, 1, 1000, "m", "edges of the space of the task random");
+}
+
+std::string command_line(const Fleet& fleet) {
+  const auto values = [](const Fleet& f) {
+    return NamedValues{{"robots", std::to_string(f.robots)},
+                       {"radius", text_of(f.circle_m)},
+                       {"robot-radius", text_of(f.robot_m)},
+                       {"speed", text_of(f.speed_mps)},
+                       {"acceleration", text_of(f.acceleration_mps2)},
+                       {"space", text_of(f.space_m.x()) + "," + text_of(f.space_m.y()) + "," + text_of(f.space_m.z())}};
+  };
+  return given_options(values(fleet), values({}));
+}
+
+World make_world(Task task, Environment environment, int obstacles, std::uint64_t seed, const Fleet& fleet) {
+  const int most = environment == Environment::kEmpty ? 0 : kMaxObstacles;
+  if (obstacles < 0 || obstacles > most)
+    throw WorldError("obstacles: " + std::to_string(obstacles) + " must be in [0, " + std::to_string(most) +
+                     "] with env " + to_string(environment));
+  const bool free_number = task == Task::kCircle || task == Task::kRandom;
+  if (!free_number && fleet.robots != 0)
+    throw WorldError("robots: only the tasks circle and random let you choose the number of robots");
+  if (fleet.robots != 0 && (fleet.robots < 2 || fleet.robots > kMaxRobots))
+    throw WorldError("robots: " + std::to_string(fleet.robots) + " must be in [2, " + std::to_string(kMaxRobots) + "]");
+  if (task != Task::kCircle && fleet.circle_m != 0.0) throw WorldError("radius: only the task circle has a radius");
+  World world;
+  world.name = std::string(to_string(task)) + "-" + to_string(environment) + "-" + std::to_string(obstacles) + "-" +
+               std::to_string(seed);
+  world.obstacle_bounds = {{-7, -7}, {7, 7}};
+  world.speed_mps = fleet.speed_mps;
+  world.acceleration_mps2 = fleet.acceleration_mps2;
+  Random random(seed);
+  add_robots(&world, task, fleet, &random);
+  const int columns = environment == Environment::kMixed ? (obstacles + 1) / 2 : obstacles;
+  for (int i = 0; i < obstacles; ++i) {
+    WorldObstacle obstacle = draw_obstacle(i >= columns, world.obstacle_bounds, &random);
+    for (int tries = 1; !clear_of_starts(obstacle, world); ++tries) {
+      if (tries == kMaxTries)
+        throw WorldError("obstacles: " + std::to_string(obstacles) +
+                         " must find places 0.7 m clear of every start; there is no room");
+      obstacle = draw_obstacle(i >= columns, world.obstacle_bounds, &random);
+    }
+    world.obstacles.push_back(std::move(obstacle));
+  }
+  check_world(world);
+  return world;
+}
+
+}  // namespace swarm

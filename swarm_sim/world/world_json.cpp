@@ -1,0 +1,212 @@
+#include "swarm_sim/world/world_json.h"
+
+#include <cmath>
+#include <fstream>
+#include <iterator>
+#include <numbers>
+
+#include "swarm_sim/world/json_value.h"
+
+namespace swarm {
+namespace {
+
+using nlohmann::ordered_json;
+
+constexpr double kFar_m = 1e4, kLarge_m = 1e3, kFast_mps = 100.0, kLate_s = 1e6;
+constexpr std::size_t kMaxObstacles = 4096, kMaxName = 100, kMaxPath = 4096;
+constexpr auto kPositive = JsonValue::Low::kExcluded;
+
+template <class Box>
+Box read_box(const JsonValue& value) {
+  value.expect_keys({"min", "max"});
+  constexpr int kSize = decltype(Box::min)::RowsAtCompileTime;
+  Box box;
+  box.min = value.at("min").numbers(kSize, -kFar_m, kFar_m);
+  box.max = value.at("max").numbers(kSize, -kFar_m, kFar_m);
+  if (!(box.min.array() < box.max.array()).all()) value.fail("a box with min below max along every axis");
+  return box;
+}
+
+WorldRobot read_robot(const JsonValue& value) {
+  value.expect_keys({"id", "start", "goal", "radius"});
+  WorldRobot robot;
+  robot.id = value.at("id").integer(0, kMaxRobotId);
+  robot.start = value.at("start").numbers(3, -kFar_m, kFar_m);
+  robot.goal = value.at("goal").numbers(3, -kFar_m, kFar_m);
+  robot.radius_m = value.at("radius").number(0.0, 10.0, kPositive);
+  return robot;
+}
+
+Shape read_shape(const JsonValue& value) {
+  const std::string name = value.at("shape").text(kMaxName);
+  const auto length = [&](const char* key) { return value.at(key).number(0.0, kLarge_m, kPositive); };
+  Shape shape;
+  if (name == "column") {
+    value.expect_keys({"shape", "center", "diameter", "height", "velocity", "track"});
+    shape.kind = Shape::Kind::kColumn;
+    shape.size = {length("diameter"), length("height"), 0.0};
+  } else if (name == "ring") {
+    value.expect_keys({"shape", "center", "radius", "width", "yaw", "velocity", "track"});
+    shape.kind = Shape::Kind::kRing;
+    shape.size = {length("radius"), length("width"), 0.0};
+    if (shape.size.y() > 2.0 * shape.size.x()) value.at("width").fail("at most twice the ring's radius");
+  } else if (name == "box") {
+    value.expect_keys({"shape", "center", "size", "yaw", "velocity", "track"});
+    shape.kind = Shape::Kind::kBox;
+    shape.size = value.at("size").numbers(3, 0.0, kLarge_m, kPositive);
+  } else if (name == "sphere") {
+    value.expect_keys({"shape", "center", "diameter", "velocity", "track"});
+    shape.kind = Shape::Kind::kSphere;
+    shape.size = {length("diameter"), 0.0, 0.0};
+  } else {
+    value.at("shape").fail("one of column, ring, box, sphere");
+  }
+  if (const auto yaw = value.find("yaw")) shape.yaw_rad = yaw->number(-2.0 * std::numbers::pi, 2.0 * std::numbers::pi);
+  if (std::abs(shape.yaw_rad) > std::numbers::pi) shape.yaw_rad = std::remainder(shape.yaw_rad, 2.0 * std::numbers::pi);
+  return shape;
+}
+
+std::vector<TrackPoint> read_track(const JsonValue& value) {
+  std::vector<TrackPoint> track;
+  for (const JsonValue& item : value.items()) {
+    const Eigen::Vector3d point = item.numbers(3, -kLate_s, kLate_s);
+    if (point.tail<2>().cwiseAbs().maxCoeff() > kFar_m) item.fail("(t, x, y) with x and y in [-10000, 10000]");
+    track.push_back({point.x(), point.tail<2>()});
+  }
+  if (track.size() < 2) value.fail("an array of at least two points (t, x, y)");
+  return track;
+}
+
+WorldObstacle read_obstacle(const JsonValue& value) {
+  WorldObstacle obstacle;
+  value.require_object();
+  obstacle.shape = read_shape(value);
+  const bool column = obstacle.shape.kind == Shape::Kind::kColumn;
+  const auto track = value.find("track");
+  const auto center = value.find("center");
+  if (track) obstacle.track = read_track(*track);
+  if (column) obstacle.center.z() = 0.5 * obstacle.shape.size.y();
+  if (track) obstacle.center.head<2>() = obstacle.track.front().position;
+  if (center && column && center->items().size() == 2) {
+    obstacle.center.head<2>() = center->numbers(2, -kFar_m, kFar_m);
+  } else if (center || !track || !column) {
+    obstacle.center = value.at("center").numbers(3, -kFar_m, kFar_m);
+  }
+  if (track && obstacle.center.head<2>() != obstacle.track.front().position)
+    center->fail("at the first point of the track");
+  if (const auto velocity = value.find("velocity")) {
+    if (track) velocity->fail("absent: the track tells the motion");
+    obstacle.velocity_mps = velocity->numbers(2, -kFast_mps, kFast_mps);
+  }
+  return obstacle;
+}
+
+World read_values(const JsonValue& value, const std::filesystem::path& directory) {
+  value.expect_keys(
+      {"name", "space", "obstacle_bounds", "limits", "sensing_radius", "static_map", "robots", "obstacles"});
+  World world;
+  world.name = value.at("name").text(kMaxName);
+  world.space = read_box<Space>(value.at("space"));
+  world.obstacle_bounds = {world.space.min.head<2>(), world.space.max.head<2>()};
+  if (const auto bounds = value.find("obstacle_bounds")) world.obstacle_bounds = read_box<Rectangle>(*bounds);
+  const JsonValue limits = value.at("limits");
+  limits.expect_keys({"speed", "acceleration"});
+  world.speed_mps = limits.at("speed").number(0.0, kFast_mps, kPositive);
+  world.acceleration_mps2 = limits.at("acceleration").number(0.0, 1000.0, kPositive);
+  if (const auto radius = value.find("sensing_radius"))
+    world.sensing_radius_m = radius->number(0.0, kLarge_m, kPositive);
+  if (const auto map = value.find("static_map")) {
+    world.static_map = (std::filesystem::current_path() / directory / map->text(kMaxPath)).lexically_normal();
+    std::error_code ignored;
+    if (!std::filesystem::is_regular_file(world.static_map, ignored))
+      map->fail("an existing file, relative to the world file");
+  }
+  const JsonValue robots = value.at("robots"), obstacles = value.at("obstacles");
+  for (const JsonValue& item : robots.items()) world.robots.push_back(read_robot(item));
+  if (obstacles.items().size() > kMaxObstacles) obstacles.fail("an array of at most 4096 obstacles");
+  for (const JsonValue& item : obstacles.items()) world.obstacles.push_back(read_obstacle(item));
+  return world;
+}
+
+ordered_json array(const Eigen::Ref<const Eigen::VectorXd>& values) {
+  return std::vector<double>(values.begin(), values.end());
+}
+
+ordered_json to_json(const WorldRobot& robot) {
+  return {{"id", robot.id}, {"start", array(robot.start)}, {"goal", array(robot.goal)}, {"radius", robot.radius_m}};
+}
+
+ordered_json to_json(const WorldObstacle& obstacle) {
+  const Shape& shape = obstacle.shape;
+  const bool column = shape.kind == Shape::Kind::kColumn;
+  const bool on_ground = column && obstacle.center.z() == 0.5 * shape.size.y();
+  static constexpr const char* kNames[] = {"column", "ring", "box", "sphere"};
+  ordered_json json{{"shape", kNames[static_cast<int>(shape.kind)]}};
+  if (!on_ground) json["center"] = array(obstacle.center);
+  if (on_ground && obstacle.track.empty()) json["center"] = array(obstacle.center.head<2>());
+  switch (shape.kind) {
+    case Shape::Kind::kColumn:
+      json.update({{"diameter", shape.size.x()}, {"height", shape.size.y()}});
+      break;
+    case Shape::Kind::kRing:
+      json.update({{"radius", shape.size.x()}, {"width", shape.size.y()}, {"yaw", shape.yaw_rad}});
+      break;
+    case Shape::Kind::kBox:
+      json.update({{"size", array(shape.size)}, {"yaw", shape.yaw_rad}});
+      break;
+    default:
+      json["diameter"] = shape.size.x();
+      break;
+  }
+  if (obstacle.track.empty()) {
+    json["velocity"] = array(obstacle.velocity_mps);
+  } else {
+    for (const TrackPoint& point : obstacle.track)
+      json["track"].push_back({point.t_s, point.position.x(), point.position.y()});
+  }
+  return json;
+}
+
+template <class Item>
+std::string lines(const std::vector<Item>& items) {
+  std::string text = "[";
+  for (std::size_t i = 0; i < items.size(); ++i) text += (i == 0 ? "\n  " : ",\n  ") + to_json(items[i]).dump();
+  return text + "]";
+}
+
+}  // namespace
+
+World parse_world(const std::string& text, const std::string& source, const std::filesystem::path& directory) try {
+  const nlohmann::json json = parse_json(text);
+  World world = read_values(JsonValue(json), directory);
+  check_world(world);
+  return world;
+} catch (const WorldError& error) {
+  throw WorldError(source + ": " + error.what());
+}
+
+World read_world(const std::filesystem::path& path) {
+  std::error_code ignored;
+  std::ifstream in(path, std::ios::binary);
+  if (!in || std::filesystem::is_directory(path, ignored))
+    throw WorldError(path.string() + ": must be a readable world file");
+  return parse_world({std::istreambuf_iterator<char>(in), {}}, path.string(), path.parent_path());
+}
+
+std::string to_json_text(const World& world, const std::filesystem::path& directory) {
+  const auto box = [](const auto& b) { return ordered_json{{"min", array(b.min)}, {"max", array(b.max)}}.dump(); };
+  std::string text = "{\"name\": " + ordered_json(world.name).dump();
+  text += ",\n \"space\": " + box(world.space);
+  text += ",\n \"obstacle_bounds\": " + box(world.obstacle_bounds);
+  text +=
+      ",\n \"limits\": " + ordered_json{{"speed", world.speed_mps}, {"acceleration", world.acceleration_mps2}}.dump();
+  text += ",\n \"sensing_radius\": " + ordered_json(world.sensing_radius_m).dump();
+  if (!world.static_map.empty()) {
+    const auto base = (std::filesystem::current_path() / directory).lexically_normal();
+    text += ",\n \"static_map\": " + ordered_json(world.static_map.lexically_proximate(base).string()).dump();
+  }
+  text += ",\n \"robots\": " + lines(world.robots);
+  return text + ",\n \"obstacles\": " + lines(world.obstacles) + "}\n";
+}
+
+}  // namespace swarm

@@ -1,0 +1,74 @@
+// The tutorial's examples against the real daemons of one robot: its state, an obstacle and a goal go in, setpoints
+// come out that lead around the obstacle to the goal. In C++ and in Python.
+#include "tests/support/harness.h"
+
+namespace swarm::test {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr double kPatience = kSanitized ? 10.0 : 1.0;
+
+class Examples : public testing::TestWithParam<const char*> {
+ protected:
+  std::vector<std::string> example(const std::string& name, std::vector<std::string> arguments) {
+    std::vector<std::string> words;
+    if (std::string(GetParam()) == "Python") {
+      words = {"/usr/bin/env", "PYTHONPATH=" + directory_.path().string(), "PYTHONDONTWRITEBYTECODE=1",
+               "/usr/bin/python3", SWARM_SOURCE_DIR "/tools/deploy/examples/" + name + ".py"};
+    } else {
+      words = {"../examples/" + name};
+    }
+    words.insert(words.end(), arguments.begin(), arguments.end());
+    return words;
+  }
+
+  TemporaryDirectory directory_;
+};
+
+std::vector<Eigen::Vector3d> positions(const std::string& text) {
+  std::vector<Eigen::Vector3d> all;
+  std::istringstream in(text.substr(0, text.rfind('\n') + 1));
+  for (Eigen::Vector3d p; in >> p.x() >> p.y() >> p.z();) all.push_back(p);
+  return all;
+}
+
+TEST_P(Examples, FlyARobot) {
+  if (std::string(GetParam()) == "Python") {
+    if (!fs::exists("/usr/bin/python3")) GTEST_SKIP() << "there is no Python";
+    const std::string types =
+        "cd " SWARM_SOURCE_DIR " && lcm-gen -p --ppath " + directory_.path().string() + " lcmtypes/*.lcm";
+    ASSERT_EQ(run_program({"/bin/sh", "-c", types}).exit_code, 0);
+  }
+  const std::string onboard = local_url(base_port() + 1), swarm = local_url(base_port());
+  const std::vector<std::string> common = {"--robot-id", "3", "--onboard-url", onboard};
+  const auto daemon = [&](const std::string& name, std::vector<std::string> more) {
+    std::vector<std::string> words = {name};
+    words.insert(words.end(), common.begin(), common.end());
+    words.insert(words.end(), more.begin(), more.end());
+    return words;
+  };
+  std::vector<std::string> planning = {"--space-min=-9,-9,0.3", "--space-max=9,9,3"};
+  if (kSanitized) planning.insert(planning.end(), {"--lead", "0.4", "--period", "0.3", "--stale-map", "2"});
+  Program map(daemon("map_daemon", {})), planner(daemon("planner_daemon", planning)),
+      broadcast(daemon("broadcast_daemon", {"--roster", "3", "--swarm-url", swarm}));
+  Program state(example("send_state", {onboard, "3"})), obstacles(example("send_obstacles", {onboard, "3"})),
+      setpoints(example("take_setpoints", {onboard}));
+  EXPECT_TRUE(wait_for(10.0 * kPatience, [&] { return positions(setpoints.out()).size() > 20; }))
+      << state.err() << setpoints.err() << broadcast.err();
+  for (const Eigen::Vector3d& at : positions(setpoints.out())) EXPECT_LT((at - Eigen::Vector3d(0, 0, 1)).norm(), 1e-6);
+  Program goal(example("send_goal", {onboard, "3"}));
+  EXPECT_TRUE(wait_for(20.0 * kPatience,
+                       [&] {
+                         const auto all = positions(setpoints.out());
+                         return !all.empty() && (all.back() - Eigen::Vector3d(3, 0, 1)).norm() < 0.05;
+                       }))
+      << goal.err() << planner.err();
+  for (const Eigen::Vector3d& at : positions(setpoints.out()))
+    EXPECT_GT((at - Eigen::Vector3d(1.5, 0.1, at.z())).norm(), 0.5) << "a person stands there";
+}
+
+INSTANTIATE_TEST_SUITE_P(, Examples, testing::Values("Cpp", "Python"), [](const auto& name) { return name.param; });
+
+}  // namespace
+}  // namespace swarm::test

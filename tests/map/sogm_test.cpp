@@ -1,0 +1,53 @@
+// Layout of the SOGM.
+#include "map_daemon/sogm.h"
+
+#include <gtest/gtest.h>
+
+#include "tests/support/random_map.h"
+
+namespace swarm {
+namespace {
+
+TEST(Sogm, FrameAtClampsToFirstAndLast) {
+  Sogm sogm;
+  sogm.reset({.resolution_m = 0.1, .origin = {0, 0, 0}, .size = {1, 1, 1}}, 20, 5'000'000, 100'000);
+  EXPECT_EQ(sogm.frame_at(0), 0);
+  EXPECT_EQ(sogm.frame_at(5'000'000), 0);
+  EXPECT_EQ(sogm.frame_at(5'099'999), 0);
+  EXPECT_EQ(sogm.frame_at(5'100'000), 1);
+  EXPECT_EQ(sogm.frame_at(6'999'999), 19);
+  EXPECT_EQ(sogm.frame_at(7'000'000), 19);
+  EXPECT_EQ(sogm.frame_at(60'000'000), 19);
+}
+
+TEST(Sogm, ResetClearsAndKeepsTheAllocation) {
+  Rng rng(7);
+  Sogm sogm = random_bits({10, 9, 70}, 4, 0.5, 0.1, rng);
+  const std::uint64_t* before = sogm.words.data();
+  sogm.reset({.resolution_m = 0.2, .origin = {1, 2, 3}, .size = {5, 9, 64}}, 3, 42, 7);
+  EXPECT_EQ(sogm.words.data(), before);
+  EXPECT_EQ(sogm.words, std::vector<std::uint64_t>(3u * 5 * 9, 0));
+  EXPECT_FALSE(sogm.occupied(0, {-1, 0, 0}));
+  EXPECT_FALSE(sogm.occupied(2, {4, 8, 64}));
+}
+
+TEST(Sogm, VoxelsLieOnTheWorldLattice) {
+  const GridGeometry g{.resolution_m = 0.1, .origin = {-50, 20, -3}, .size = {100, 100, 40}};
+  for (const Eigen::Vector3i& v : {Eigen::Vector3i(0, 0, 0), Eigen::Vector3i(99, 7, 39), Eigen::Vector3i(50, 50, 3)}) {
+    EXPECT_EQ(g.voxel_of(g.center_of(v)), v);
+    EXPECT_EQ(g.voxel_of(g.center_of(v) + Eigen::Vector3d::Constant(0.049)), v);
+    EXPECT_EQ(g.voxel_of(g.center_of(v) - Eigen::Vector3d::Constant(0.049)), v);
+  }
+  EXPECT_FALSE(g.contains(g.voxel_of({-5.01, 3, 1})));
+}
+
+TEST(Sogm, ColumnsGrowAsFarAsTheWindow) {
+  const GridGeometry grid{.resolution_m = 0.1, .origin = {0, 0, 0}, .size = {20, 30, 1}};
+  const Columns grown = Columns{{1, 10}, {15, 27}}.grown(3, grid);
+  EXPECT_EQ(grown.first, Eigen::Vector2i(0, 7));
+  EXPECT_EQ(grown.last, Eigen::Vector2i(18, 29));
+  EXPECT_TRUE(Columns{}.grown(3, grid).empty());
+}
+
+}  // namespace
+}  // namespace swarm

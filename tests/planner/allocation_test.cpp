@@ -1,0 +1,117 @@
+// The planning cycle of the steady state takes no memory from the heap: every malloc of this program is counted.
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <cstdlib>
+
+#include "planner_daemon/planner.h"
+#include "tests/support/harness.h"
+#include "tests/support/random_map.h"
+#include "tests/support/random_motion.h"
+
+// The sanitizers bring their own allocator.
+#if defined(__GLIBC__) && !defined(__SANITIZE_ADDRESS__)
+namespace {
+std::atomic<bool> counting = false;
+std::atomic<int> allocations = 0;
+void count() {
+  if (counting) ++allocations;
+}
+}  // namespace
+
+extern "C" {
+void* __libc_malloc(std::size_t);
+void* __libc_calloc(std::size_t, std::size_t);
+void* __libc_realloc(void*, std::size_t);
+void* __libc_memalign(std::size_t, std::size_t);
+
+void* malloc(std::size_t size) {
+  count();
+  return __libc_malloc(size);
+}
+void* calloc(std::size_t number, std::size_t size) {
+  count();
+  return __libc_calloc(number, size);
+}
+void* realloc(void* old, std::size_t size) {
+  count();
+  return __libc_realloc(old, size);
+}
+void* aligned_alloc(std::size_t alignment, std::size_t size) {
+  count();
+  return __libc_memalign(alignment, size);
+}
+int posix_memalign(void** out, std::size_t alignment, std::size_t size) {
+  count();
+  *out = __libc_memalign(alignment, size);
+  return *out == nullptr ? 12 : 0;
+}
+}
+
+namespace swarm {
+namespace {
+
+using Eigen::Vector3d;
+
+constexpr std::int64_t kStart = 1'700'000'000'000'000;
+
+template <class Call>
+int allocations_of(const Call& call) {
+  allocations = 0;
+  counting = true;
+  call();
+  counting = false;
+  return allocations;
+}
+
+TEST(Allocation, IsCounted) {
+  std::vector<int> numbers;
+  EXPECT_EQ(allocations_of([&] { numbers.push_back(1); }), 1);
+  EXPECT_EQ(allocations_of([&] { numbers.back() = 2; }), 0);
+  Eigen::VectorXd vector;
+  EXPECT_EQ(allocations_of([&] { vector.setZero(1000); }), 1);
+}
+
+// Whatever happens: free flight, gaps, a start in blocked space, nothing that survives. Problems that were met before
+// fit into the memory they needed then.
+TEST(Allocation, PlanningTakesNoMemoryOnceItHasMetItsProblems) {
+  Rng rng(1);
+  PlannerConfig config;
+  config.limits.space_min = {-4.9, -4.9, -0.9};
+  config.limits.space_max = {4.9, 4.9, 0.9};
+  Planner planner(config);
+  constexpr int kRequests = 40;
+  std::vector<Sogm> maps;
+  std::vector<std::vector<Peer>> peers(kRequests);
+  std::vector<PlanRequest> requests(kRequests);
+  for (int i = 0; i < kRequests; ++i) maps.push_back(random_map(rng, 3 * (i % 12), {10, 10, 2}, 20, kStart, 100'000));
+  for (std::size_t i = 0; i < kRequests; ++i) {
+    for (std::size_t k = 0; k < i % 4; ++k)
+      peers[i].push_back({random_motion(rng, kStart - 500'000, 3.0), Trajectory(), 0.2});
+    requests[i].sogm = &maps[i];
+    requests[i].peers = &peers[i];
+    requests[i].own = {Trajectory::hover(1, kStart - 1'000'000, in_box(rng, {-3, -3, -0.8}, {3, 3, 0.8})), {}};
+    requests[i].start_utime = kStart + 50'000;
+    requests[i].goal = in_box(rng, {-6, -6, -0.8}, {6, 6, 0.8});
+  }
+  std::array<int, 3> outcomes{};
+  for (int round = 0; round < 3; ++round) {
+    for (std::size_t i = 0; i < kRequests; ++i) {
+      const int taken = allocations_of([&] { (void)planner.plan(requests[i]); });
+      const PlanResult& result = planner.plan(requests[i]);
+      if (round == 0) continue;
+      EXPECT_EQ(taken, 0) << "request " << i << ", " << to_string(result.outcome);
+      ++outcomes[static_cast<std::size_t>(result.outcome)];
+    }
+  }
+  EXPECT_GT(outcomes[static_cast<std::size_t>(PlanOutcome::kSmooth)], 20);
+  EXPECT_GT(outcomes[static_cast<std::size_t>(PlanOutcome::kUnsafe)], 3);
+}
+
+}  // namespace
+}  // namespace swarm
+#else
+TEST(Allocation, CannotBeCounted) {
+  GTEST_SKIP() << "the allocator is not glibc's own";
+}
+#endif

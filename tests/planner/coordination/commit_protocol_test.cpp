@@ -1,0 +1,369 @@
+// The commit protocol, searched exhaustively on small cases: every order of proposals, deliveries, losses, crashes and
+// the passing of time. The objects searched are those that fly.
+#include "planner_daemon/coordination/commit_protocol.h"
+
+#include <gtest/gtest.h>
+
+#include <unordered_set>
+
+#include "lcmtypes/bus/codec.h"
+#include "planner_daemon/coordination/deconfliction.h"
+#include "tests/support/harness.h"
+
+namespace swarm::test {
+namespace {
+
+using sogm_swarm::announcement_t;
+
+constexpr std::int64_t kTick_us = 1'000'000;
+constexpr double kRadius = 0.4, kSeparation = 0.02;
+
+// What may happen, and how often.
+struct Scope {
+  std::vector<Eigen::Vector3d> sites;           // robots start at the first ones
+  std::vector<std::vector<std::size_t>> goals;  // of each robot: sites
+  int proposals = 2;                            // of each robot
+  int ticks = 3;                                // of time; a flight starts a tick after its proposal and lasts one
+  std::size_t copies = 2;                       // announcements under way from one robot to another: the newest ones
+  int crashes = 0;
+  bool strangers = false;  // nobody has heard anybody yet
+  int urgent = -1;         // the place of a robot that is always about to be hit; -1: none
+  // Faults, to see that they are found.
+  bool same_boot = false;  // a restart that peers cannot tell
+  bool any_order = false;  // older announcements overwrite newer ones
+  bool forgets = false;    // a crash loses what was promised
+};
+
+class Swarm {
+ public:
+  explicit Swarm(const Scope& scope) : scope_(scope), n_(scope.goals.size()), links_(n_ * n_), delivered_(n_ * n_) {
+    for (std::size_t i = 0; i < n_; ++i) {
+      robots_.push_back({make(i, 1), {}, 1, scope.proposals});
+      robots_[i].protocol.start({Trajectory::hover(1, kStart_us, scope.sites[i]), {}});
+      keep(i);
+    }
+    for (std::size_t i = 0; i < n_; ++i) settle(i);
+    if (!scope.strangers) deliver_all();
+    crashes_ = scope.crashes;
+  }
+
+  // Everything that can happen next.
+  template <class Visit>
+  void for_each_next(const Visit& visit) const {
+    const auto after = [&](const auto& act) {
+      Swarm next = *this;
+      act(next);
+      visit(next);
+    };
+    for (std::size_t i = 0; i < n_; ++i) {
+      for (const std::size_t goal : scope_.goals[i]) {
+        if (robots_[i].proposals > 0 && tick_ + 1 < scope_.ticks) after([&](Swarm& s) { s.propose(i, goal); });
+      }
+      for (std::size_t j = 0; j < n_; ++j) {
+        for (std::size_t v = 0; v < link(i, j).size(); ++v) after([&](Swarm& s) { s.deliver(i, j, v); });
+      }
+      if (crashes_ > 0) after([&](Swarm& s) { s.crash(i); });
+      const Trajectory& waits = robots_[i].protocol.announced();  // its last moment may come before any other event
+      if (static_cast<int>(i) == scope_.urgent && !waits.empty() && waits.start_utime() == now_us() + kTick_us)
+        after([&](Swarm& s) { s.settle(i, waits.start_utime() - 1); });
+    }
+    if (tick_ < scope_.ticks) after([](Swarm& s) { s.tick(); });
+  }
+
+  // Two committed motions that meet; empty: none.
+  std::string conflict() const {
+    for (std::size_t i = 0; i < n_; ++i) {
+      for (std::size_t j = 0; j < i; ++j) {
+        if (!motions_separated(*robots_[i].protocol.motion(), *robots_[j].protocol.motion(), now_us(), 2 * kRadius))
+          return "robots " + std::to_string(i) + " and " + std::to_string(j) + " at tick " + std::to_string(tick_);
+      }
+    }
+    return "";
+  }
+
+  // Whether everybody can still commit once the network is good again: a hop above its place, or away from whom it is
+  // too close to.
+  bool lives() const {
+    Swarm later = *this;
+    for (int k = 0; k < 4; ++k) {  // whatever is pending is committed or withdrawn
+      later.deliver_all();
+      later.tick();
+    }
+    later.deliver_all();
+    for (std::size_t i = 0; i < n_; ++i) {
+      const int before = later.robots_[i].protocol.commits();
+      later.propose_to(i, later.place(i) + 0.1 * later.way_out(i));
+      later.deliver_all();
+      if (later.robots_[i].protocol.commits() != before + 1) return false;
+      for (int k = 0; k < 2; ++k) {  // it is flown
+        later.tick();
+        later.deliver_all();
+      }
+    }
+    return true;
+  }
+
+  int commits() const {
+    int sum = 0;
+    for (const Robot& robot : robots_) sum += robot.protocol.commits();
+    return sum;
+  }
+
+  std::uint64_t key() const {
+    std::uint64_t hash = 0xcbf29ce484222325ULL;
+    const auto mix = [&hash](std::int64_t value) {
+      hash = (hash ^ static_cast<std::uint64_t>(value)) * 0x9e3779b97f4a7c15ULL;
+      hash ^= hash >> 29;
+    };
+    const auto mix_trajectory = [&](const Trajectory& trajectory) {
+      mix(trajectory.seq());
+      if (trajectory.empty()) return;
+      mix(trajectory.start_utime());
+      for (const int knot : {0, trajectory.num_pieces()}) {
+        for (int axis = 0; axis < 3; ++axis) mix(std::llround(100 * trajectory.knot(knot).position[axis]));
+      }
+    };
+    const auto mix_message = [&](const announcement_t& m) {
+      mix(m.header.boot), mix(m.pending_state), mix(m.pending_stamp);
+      mix_trajectory(Trajectory::from_wire(m.committed));
+      mix_trajectory(Trajectory::from_wire(m.pending));
+      for (const auto& ack : m.acks) mix(ack.peer_boot), mix(ack.judged_seq), mix(ack.verdict);
+    };
+    mix(tick_), mix(crashes_);
+    for (const Robot& robot : robots_) {
+      mix(robot.proposals), mix(robot.boot);
+      mix_message(robot.protocol.state());
+      for (const auto& [id, peer] : robot.protocol.peers()) {
+        mix(peer.boot), mix(peer.hears_us), mix(peer.stamp), mix(peer.judged_seq), mix(peer.verdict);
+        mix(peer.our_seq), mix(peer.our_verdict);
+        for (const Trajectory* t : {&peer.motion.committed, &peer.motion.next, &peer.announced}) mix_trajectory(*t);
+      }
+    }
+    for (const auto& message : delivered_) {
+      if (crashes_ > 0 && message) mix_message(*message);
+    }
+    for (const auto& versions : links_) {
+      mix(static_cast<std::int64_t>(versions.size()));
+      for (const announcement_t& version : versions) mix_message(version);
+    }
+    return hash;
+  }
+
+ private:
+  Eigen::Vector3d place(std::size_t i) const { return robots_[i].protocol.motion()->at(now_us()).position; }
+  Eigen::Vector3d way_out(std::size_t i) const {
+    for (std::size_t j = 0; j < n_; ++j) {
+      const Eigen::Vector3d apart = place(i) - place(j);
+      if (j != i && apart.norm() > 0.0 && apart.norm() < 2 * kRadius + kSeparation) return apart.normalized();
+    }
+    return Eigen::Vector3d::UnitZ();
+  }
+  struct Robot {
+    CommitProtocol protocol;
+    announcement_t kept;
+    std::int32_t boot;
+    int proposals;  // left
+  };
+
+  CommitProtocol make(std::size_t i, std::int32_t boot) const {
+    CommitProtocol::Rules rules{static_cast<int>(i), boot, {}, kRadius, kSeparation};
+    for (std::size_t j = 0; j < n_; ++j) rules.roster.push_back(static_cast<int>(j));
+    return CommitProtocol(rules);
+  }
+  std::int64_t now_us() const { return kStart_us + tick_ * kTick_us; }
+  std::vector<announcement_t>& link(std::size_t from, std::size_t to) { return links_[from * n_ + to]; }
+  const std::vector<announcement_t>& link(std::size_t from, std::size_t to) const { return links_[from * n_ + to]; }
+  void keep(std::size_t i) { robots_[i].kept = robots_[i].protocol.state(); }
+
+  // What a node does after every event.
+  void settle(std::size_t i) { settle(i, now_us()); }
+  void settle(std::size_t i, std::int64_t utime) {
+    Robot& robot = robots_[i];
+    robot.protocol.advance(utime);
+    if (robot.protocol.may_commit(utime)) {
+      robot.protocol.commit([&robot](const announcement_t& promise) {
+        robot.kept = promise;
+        return true;
+      });
+    }
+    if (!robot.protocol.take_news()) return;
+    for (std::size_t j = 0; j < n_; ++j) {
+      if (j != i) send(i, j);
+    }
+  }
+  // What is under way is the newest: whatever is lost is repeated.
+  void send(std::size_t from, std::size_t to) {
+    announcement_t message = robots_[from].protocol.state();
+    message.header = make_header(static_cast<int>(from), robots_[from].boot, 0, now_us());
+    link(from, to).push_back(message);
+    if (link(from, to).size() > scope_.copies) link(from, to).erase(link(from, to).begin());
+  }
+  void propose(std::size_t i, std::size_t site) {
+    --robots_[i].proposals;
+    propose_to(i, scope_.sites[site]);
+  }
+  void propose_to(std::size_t i, const Eigen::Vector3d& to) {
+    Robot& robot = robots_[i];
+    const std::int64_t start = now_us() + kTick_us;
+    const Trajectory flight = quintic_to(robot.protocol.motion()->at(start), start, to, 1.0, 1);
+    const bool urgent = static_cast<int>(i) == scope_.urgent;
+    (void)robot.protocol.propose(now_us(), flight, urgent);
+    settle(i);
+  }
+  void deliver(std::size_t from, std::size_t to, std::size_t version) {
+    const announcement_t message = link(from, to)[version];
+    delivered_[from * n_ + to] = message;
+    if (scope_.any_order) {
+      link(from, to).erase(link(from, to).begin() + static_cast<std::ptrdiff_t>(version));
+    } else {  // older ones are refused from now on
+      link(from, to).erase(link(from, to).begin(), link(from, to).begin() + static_cast<std::ptrdiff_t>(version) + 1);
+    }
+    ASSERT_TRUE(robots_[to].protocol.receive(now_us(), message));
+    settle(to);
+  }
+  // The newest of everything, until nobody has news.
+  void deliver_all() {
+    for (bool any = true; any;) {
+      any = false;
+      for (std::size_t i = 0; i < n_; ++i) {
+        for (std::size_t j = 0; j < n_; ++j) {
+          if (link(i, j).empty()) continue;
+          any = true;
+          deliver(i, j, link(i, j).size() - 1);
+        }
+      }
+    }
+  }
+  void crash(std::size_t i) {
+    Robot& robot = robots_[i];
+    --crashes_;
+    if (!scope_.same_boot) ++robot.boot;
+    Motion motion;
+    Trajectory announced;
+    read_announcement(robot.kept, &motion, &announced);
+    if (scope_.forgets) motion = {Trajectory::hover(1, now_us(), motion.at(now_us()).position), {}};
+    robot.protocol = make(i, robot.boot);
+    robot.protocol.start(motion);
+    robot.kept = robot.protocol.state();
+    for (std::size_t j = 0; j < n_; ++j) {  // it does not know what it has heard: that may arrive once more
+      if (j == i) continue;
+      if (delivered_[j * n_ + i]) link(j, i).insert(link(j, i).begin(), *delivered_[j * n_ + i]);
+      send(j, i);
+    }
+    settle(i);
+  }
+  void tick() {
+    ++tick_;
+    for (std::size_t i = 0; i < n_; ++i) settle(i);
+  }
+
+  Scope scope_;
+  std::size_t n_;
+  std::vector<Robot> robots_;
+  std::vector<std::vector<announcement_t>> links_;        // announcements under way
+  std::vector<std::optional<announcement_t>> delivered_;  // the newest of each link
+  int tick_ = 0, crashes_ = 0;
+};
+
+struct Found {
+  std::int64_t states = 0, commits = 0;
+  std::string conflict;   // the first, empty: none
+  std::int64_t dead = 0;  // states from which somebody cannot commit any more, among those looked at
+};
+
+// Depth first; every state once.
+class Search {
+ public:
+  // Ends at the first conflict, unless it shall go on.
+  explicit Search(int liveness_share, bool goes_on = false) : liveness_share_(liveness_share), goes_on_(goes_on) {}
+  Found all_of(const Swarm& start) {
+    visit(start);
+    return found_;
+  }
+
+ private:
+  void visit(const Swarm& state) {
+    if ((!found_.conflict.empty() && !goes_on_) || !seen_.insert(state.key()).second) return;
+    if (found_.conflict.empty()) found_.conflict = state.conflict();
+    found_.commits += state.commits();
+    if (found_.states++ % liveness_share_ == 0 && (found_.conflict.empty() || goes_on_)) found_.dead += !state.lives();
+    state.for_each_next([this](const Swarm& next) { visit(next); });
+  }
+
+  int liveness_share_;
+  bool goes_on_;
+  std::unordered_set<std::uint64_t> seen_;
+  Found found_;
+};
+
+// The robots start on the first ones; the fourth lies between them, beyond the third.
+const std::vector<Eigen::Vector3d> kSites = {{0, 0, 1}, {2, 0, 1}, {1, 1.2, 1}, {1, -1.2, 1}};
+const std::vector<std::vector<std::size_t>> kSwap = {{1, 2}, {0, 2}};   // two robots change places, or step aside
+const std::vector<std::vector<std::size_t>> kGather = {{3}, {3}, {3}};  // three robots want the same place
+
+Found search(const Scope& scope) {
+  const Found found = Search(101).all_of(Swarm(scope));
+  std::printf("%lld states\n", static_cast<long long>(found.states));
+  return found;
+}
+
+void expect_safe(const Scope& scope, std::int64_t at_least) {
+  const Found found = search(scope);
+  EXPECT_EQ(found.conflict, "");
+  EXPECT_EQ(found.dead, 0) << "states from which somebody can never commit again";
+  EXPECT_GT(found.commits, 0);
+  EXPECT_GE(found.states, at_least);
+}
+
+TEST(CommitProtocol, TwoRobotsWithStaleCopies) {
+  expect_safe({.sites = kSites, .goals = kSwap, .ticks = 4, .copies = 3}, 17'000);
+}
+
+TEST(CommitProtocol, TwoRobotsAndACrash) {
+  expect_safe({.sites = kSites, .goals = kSwap, .ticks = kSanitized ? 3 : 4, .crashes = 1},
+              kSanitized ? 46'000 : 144'000);
+}
+
+TEST(CommitProtocol, TwoRobotsAndTwoCrashes) {
+  expect_safe({.sites = kSites, .goals = kSwap, .ticks = 2, .crashes = 2}, 54'000);
+}
+
+TEST(CommitProtocol, TwoRobotsThatMeet) {
+  expect_safe({.sites = kSites, .goals = kSwap, .ticks = 4, .strangers = true}, 14'000);
+  expect_safe({.sites = kSites, .goals = kSwap, .ticks = 3, .crashes = 1, .strangers = true}, 48'000);
+}
+
+TEST(CommitProtocol, ThreeRobotsOverLossyLinks) {
+  expect_safe({.sites = kSites, .goals = kGather, .proposals = 1, .ticks = 2, .copies = 1}, 24'000);
+}
+
+// A minute or more each.
+TEST(CommitProtocol, DISABLED_ThreeRobotsAndACrash) {
+  expect_safe({.sites = kSites, .goals = kGather, .proposals = 1, .ticks = 2, .copies = 1, .crashes = 1}, 1'500'000);
+}
+TEST(CommitProtocol, DISABLED_TwoRobotsWithStaleCopiesAndTwoCrashes) {
+  expect_safe({.sites = kSites, .goals = kSwap, .ticks = 4, .copies = 3, .crashes = 2}, 2'000'000);
+}
+
+// What the rules are there for is missed when it is not kept.
+TEST(CommitProtocol, FaultsAreFound) {
+  const Scope sound{.sites = kSites, .goals = kSwap, .ticks = 4, .crashes = 1};
+  Scope same_boot = sound, any_order = sound, forgets = sound;
+  same_boot.same_boot = true;
+  any_order.any_order = true;
+  forgets.forgets = true;
+  for (const Scope& faulty : {same_boot, any_order, forgets}) EXPECT_NE(search(faulty).conflict, "");
+}
+
+// Forced commits can meet others, which is why they are the last resort; but not those of the holder, and whatever has
+// met comes apart again.
+TEST(CommitProtocol, TwoRobotsOfWhichOneIsInDanger) {
+  expect_safe({.sites = kSites, .goals = kSwap, .ticks = 4, .urgent = 0}, 13'000);
+  const Found found = Search(7, true).all_of(Swarm({.sites = kSites, .goals = kSwap, .ticks = 3, .urgent = 1}));
+  EXPECT_NE(found.conflict, "");
+  EXPECT_EQ(found.dead, 0);
+  EXPECT_GT(found.states, 1'000);
+}
+
+}  // namespace
+}  // namespace swarm::test

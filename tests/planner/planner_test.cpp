@@ -1,0 +1,628 @@
+// Long because the promises of a plan are checked without the planner's own composition and by flying closed loops.
+#include "planner_daemon/planner.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <sstream>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "map_daemon/dilation.h"
+#include "planner_daemon/coordination/deconfliction.h"
+#include "planner_daemon/search/space_time_heuristic.h"
+#include "tests/support/random_map.h"
+#include "tests/support/random_motion.h"
+
+namespace swarm {
+namespace {
+
+using Eigen::Vector3d;
+
+constexpr std::int64_t kStart = 1'700'000'000'000'000;
+constexpr std::int64_t kNever = std::numeric_limits<std::int64_t>::max();
+constexpr std::int64_t kLead_us = 50'000, kPeriod_us = 100'000, kFrame_us = 200'000;
+constexpr int kFrames = 11;
+
+PlannerConfig flat_config() {
+  PlannerConfig config;
+  config.limits.space_min = {-4.9, -2.9, -0.9};
+  config.limits.space_max = {4.9, 2.9, 0.9};
+  return config;
+}
+
+Sogm map_at(std::int64_t utime) {
+  return empty_map({10, 6, 2}, 0.1, kFrames, utime, kFrame_us);
+}
+
+Motion hovering(const Vector3d& position) {
+  return {Trajectory::hover(1, kStart - 1'000'000, position), {}};
+}
+
+// Rest to rest along a line.
+Trajectory line(std::int64_t start_utime, std::int32_t duration_us, const Vector3d& from, const Vector3d& to) {
+  Trajectory trajectory(1, start_utime, duration_us, 1);
+  MotionState state;
+  state.position = from;
+  trajectory.set_knot(0, state);
+  state.position = to;
+  trajectory.set_knot(1, state);
+  return trajectory;
+}
+
+double least_distance(const Motion& a, const Motion& b, std::int64_t from, std::int64_t to) {
+  double least = INFINITY;
+  for (std::int64_t t = from; t <= to; t += 1000) {
+    least = std::min(least, (a.at(t).position - b.at(t).position).norm());
+  }
+  return least;
+}
+
+// Obstacles and what the peers sweep, drawn from dense samples of their motions.
+Sogm compose_independently(const PlanRequest& request) {
+  Sogm occupied = *request.sogm;
+  for (const Peer& peer : *request.peers) {
+    std::vector<Motion> motions = {peer.motion};
+    if (!peer.announced.empty()) motions.push_back({peer.motion.committed, peer.announced});
+    for (const Motion& motion : motions) {
+      for (int frame = 0; frame < occupied.num_frames; ++frame) {
+        for (std::int64_t t = 0; t <= occupied.frame_duration_us; t += 5000) {
+          const Vector3d position = motion.at(occupied.start_utime + frame * occupied.frame_duration_us + t).position;
+          mark_ball(&occupied, frame, position, peer.radius_m + occupied.geometry.resolution_m / 2);
+        }
+      }
+    }
+  }
+  return occupied;
+}
+
+std::string describe(const PlanRequest& request, const PlanResult& result) {
+  std::ostringstream out;
+  out.precision(17);
+  out << to_string(result.outcome) << (result.fly ? "" : ", own motion kept") << ", search "
+      << to_string(result.search_status) << ", goal " << request.goal.transpose() << "\nown: " << request.own
+      << "\nplan: " << result.trajectory;
+  for (const Peer& peer : *request.peers) out << "\npeer " << peer.motion << "\nannounced: " << peer.announced;
+  return out.str();
+}
+
+// What every flown plan promises. Free space is looked up here voxel by voxel: the voxel of the robot is farther than
+// radius + clearance from all that is occupied, at each instant that is checked (10 ms, or 25 ms of the search's path).
+// In between the robot travels from the nearest such instant of the same frame.
+void check_plan(const PlanResult& result, const PlanRequest& request, const PlannerConfig& config) {
+  const Trajectory& plan = result.trajectory;
+  ASSERT_FALSE(plan.empty());
+  ASSERT_EQ(plan.seq(), 0);
+  ASSERT_EQ(plan.start_utime(), request.start_utime);
+  if (result.outcome != PlanOutcome::kUnsafe || plan.piece_us() != config.search.piece_us / 2) {
+    ASSERT_EQ(plan.piece_us(), config.search.piece_us);
+  }
+  const MotionState start = request.own.at(request.start_utime), first = plan.knot(0),
+                    last = plan.knot(plan.num_pieces());
+  ASSERT_EQ(first.position, start.position.cast<float>().cast<double>());
+  ASSERT_EQ(first.velocity, start.velocity.cast<float>().cast<double>());
+  ASSERT_EQ(first.acceleration, start.acceleration.cast<float>().cast<double>());
+  ASSERT_EQ(last.velocity, Vector3d::Zero());
+  ASSERT_EQ(last.acceleration, Vector3d::Zero());
+  for (std::int64_t t = plan.start_utime(); t < plan.end_utime(); t += 1000) {
+    const MotionState state = plan.at(t);
+    ASSERT_LE(state.velocity.cwiseAbs().maxCoeff(), 1.01 * config.limits.v_max) << t - plan.start_utime();
+    ASSERT_LE(state.acceleration.cwiseAbs().maxCoeff(), 1.006 * config.limits.a_max) << t - plan.start_utime();
+  }
+  ASSERT_TRUE(result.search_status != SearchStatus::kPartial || result.outcome == PlanOutcome::kUnsafe);
+  if (result.outcome == PlanOutcome::kUnsafe || !result.fly) return;
+
+  const Sogm occupied = compose_independently(request);
+  const GridGeometry& grid = occupied.geometry;
+  const double radius = config.zones.radius_m + config.zones.clearance_m;
+  const auto free_at = [&](std::int64_t t) {
+    const Eigen::Vector3i voxel = grid.voxel_of(plan.at(t).position);
+    return distance_to_occupied(occupied, occupied.frame_at(t), grid.center_of(voxel), radius + 0.01) > radius - 1e-6;
+  };
+  std::int64_t from = request.start_utime;
+  if (!free_at(from)) from += std::llround(1e6 * config.search.leave_s);
+  const std::int64_t step = result.outcome == PlanOutcome::kSmooth ? 10'000 : config.search.piece_us / 8;
+  const std::int64_t begin = request.start_utime + (from - request.start_utime + step - 1) / step * step;
+  const double half_diagonal = std::sqrt(3.0) / 2 * grid.resolution_m;
+  for (std::int64_t t = begin; t <= request.start_utime + 2'000'000; t += 2500) {
+    const std::int64_t before = begin + (t - begin) / step * step;
+    ASSERT_TRUE(t != before || free_at(t)) << t - request.start_utime << " us after the start";
+    std::int64_t away = kNever;
+    for (std::int64_t instant : {before, before + step}) {
+      if (occupied.frame_at(instant) == occupied.frame_at(t)) away = std::min(away, std::abs(t - instant));
+    }
+    const double required = radius - half_diagonal - 1e-6 * static_cast<double>(away) * 1.75 * config.limits.v_max;
+    ASSERT_GE(distance_to_occupied(occupied, occupied.frame_at(t), plan.at(t).position, radius), required)
+        << t - request.start_utime << " us after the start";
+  }
+}
+
+const std::vector<Peer> kNoPeers;
+
+PlanRequest make_request(const Sogm& sogm, const Motion& own, const Vector3d& goal,
+                         const std::vector<Peer>& peers = kNoPeers) {
+  PlanRequest request;
+  request.sogm = &sogm;
+  request.own = own;
+  request.start_utime = sogm.start_utime + kLead_us;
+  request.goal = goal;
+  request.peers = &peers;
+  return request;
+}
+
+// Plans every 100 ms on the newest map, as the node does, and flies what comes out.
+struct Flight {
+  Motion own;
+  std::vector<MotionState> states;  // every millisecond
+  int smooth = 0, raw = 0, unsafe = 0;
+
+  template <typename DrawMap>
+  void run(const PlannerConfig& config, const Vector3d& goal, double seconds, const DrawMap& draw) {
+    Planner planner(config);
+    for (std::int64_t now = kStart; now < kStart + std::llround(1e6 * seconds); now += kPeriod_us) {
+      if (!own.next.empty() && own.next.start_utime() <= now) own = {own.next, {}};
+      Sogm sogm = map_at(now);
+      draw(1e-6 * static_cast<double>(now - kStart), &sogm);
+      const PlanRequest request = make_request(sogm, own, goal);
+      const PlanResult& result = planner.plan(request);
+      SCOPED_TRACE(testing::Message() << "at " << now - kStart << " us: " << describe(request, result));
+      ASSERT_NO_FATAL_FAILURE(check_plan(result, request, config));
+      smooth += result.outcome == PlanOutcome::kSmooth;
+      raw += result.outcome == PlanOutcome::kRaw;
+      unsafe += result.outcome == PlanOutcome::kUnsafe;
+      if (result.fly) own.next = result.trajectory;
+      for (std::int64_t t = now; t < now + kPeriod_us; t += 1000) states.push_back(own.at(t));
+    }
+  }
+
+  // When it is at the goal to stay [s], or infinity.
+  double arrival_s(const Vector3d& goal) const {
+    double arrival = INFINITY;
+    for (std::size_t i = states.size(); i-- > 0 && (states[i].position - goal).norm() < 0.01;)
+      arrival = 0.001 * static_cast<double>(i);
+    return arrival;
+  }
+  double top_speed() const {
+    double top = 0.0;
+    for (const MotionState& state : states) top = std::max(top, state.velocity.cwiseAbs().maxCoeff());
+    return top;
+  }
+};
+
+TEST(PlannerTest, FliesStraightAndFastThroughEmptySpace) {
+  const Vector3d goal(4, 0.03, 0.02);
+  Flight flight{hovering({-4, 0.03, 0.02}), {}};
+  ASSERT_NO_FATAL_FAILURE(flight.run(flat_config(), goal, 6.5, [](double, Sogm*) {}));
+  EXPECT_EQ(flight.raw + flight.unsafe, 0);
+  EXPECT_GT(flight.top_speed(), 1.9);
+  EXPECT_LT(flight.arrival_s(goal), min_time_to_rest(8, 0, 2, 6) + 1.2);
+  for (const MotionState& state : flight.states) ASSERT_LT(std::abs(state.position.y() - 0.03), 0.02);
+}
+
+TEST(PlannerTest, FindsTheGapInAWall) {
+  const Vector3d goal(2.5, -0.5, 0.02);
+  const auto wall = [](double, Sogm* sogm) {
+    mark_box(sogm, {0.0, -9, -9}, {0.2, 0.4, 9});
+    mark_box(sogm, {0.0, 1.4, -9}, {0.2, 9, 9});  // a gap of 1 m
+  };
+  Flight flight{hovering({-2.5, -0.5, 0.02}), {}};
+  ASSERT_NO_FATAL_FAILURE(flight.run(flat_config(), goal, 5.5, wall));
+  EXPECT_EQ(flight.unsafe, 0);
+  EXPECT_LT(flight.arrival_s(goal), 5.5);
+  double least = INFINITY;
+  const Sogm sogm = [&] {
+    Sogm map = map_at(kStart);
+    wall(0, &map);
+    return map;
+  }();
+  for (const MotionState& state : flight.states)
+    least = std::min(least, distance_to_occupied(sogm, 0, state.position, 0.5));
+  EXPECT_GT(least, 0.2);
+}
+
+TEST(PlannerTest, LetsAMovingColumnPass) {
+  const Vector3d goal(3, 0.03, 0.02);
+  const auto column_at = [](double t) {
+    return Vector3d(0.0, 1.6 - 0.8 * t, 0.0);
+  };  // at (0, 0) when the robot would be
+  const auto draw = [&](double t, Sogm* sogm) { mark_moving(sogm, column_at(t), {0, -0.8, 0}, 0.4, true); };
+  Flight flight{hovering({-3, 0.03, 0.02}), {}};
+  ASSERT_NO_FATAL_FAILURE(flight.run(flat_config(), goal, 5.5, draw));
+  EXPECT_EQ(flight.unsafe, 0);
+  EXPECT_LT(flight.arrival_s(goal), 5.5);
+  for (std::size_t i = 0; i < flight.states.size(); ++i) {
+    const Vector3d offset = flight.states[i].position - column_at(0.001 * static_cast<double>(i));
+    ASSERT_GT(offset.head<2>().norm(), 0.4 + 0.2) << "at " << i << " ms";
+  }
+}
+
+// A column that goes away might turn: where it just was is given a wide berth.
+TEST(PlannerTest, KeepsOutOfWakes) {
+  const auto samples_in_wake = [](double wake_s) {
+    PlannerConfig config = flat_config();
+    config.zones.wake_s = wake_s;
+    Planner planner(config);
+    Sogm sogm = map_at(kStart);
+    const Vector3d from(0, -0.2, 0), velocity(0, 0.9, 0);
+    mark_moving(&sogm, from, velocity, 0.3, true);
+    const PlanRequest request = make_request(sogm, hovering({-1.2, 0.03, 0.02}), {4, 0.03, 0.02});
+    const PlanResult& result = planner.plan(request);
+    EXPECT_TRUE(result.fly);
+    EXPECT_NE(result.outcome, PlanOutcome::kUnsafe);
+    int samples = 0;
+    for (std::int64_t t = result.trajectory.start_utime(); t < result.trajectory.end_utime(); t += 5000) {
+      // Where the column was 0.3 s ago, and the robot's size with some room.
+      const Vector3d was = from + (1e-6 * static_cast<double>(t - kStart) - 0.3) * velocity;
+      samples += (result.trajectory.at(t).position - was).head<2>().norm() < 0.3 + 0.2;
+    }
+    return samples;
+  };
+  const int without = samples_in_wake(0.0);
+  EXPECT_GT(without, 10);
+  EXPECT_LT(samples_in_wake(0.8), without / 3);
+}
+
+TEST(PlannerTest, StopsBesideAnOccupiedGoal) {
+  const Vector3d goal(1, 0.03, 0.02);
+  Flight flight{hovering({-0.5, 0.03, 0.02}), {}};
+  ASSERT_NO_FATAL_FAILURE(flight.run(flat_config(), goal, 1.8,
+                                     [&](double, Sogm* sogm) { mark_moving(sogm, goal, Vector3d::Zero(), 0.3); }));
+  EXPECT_EQ(flight.unsafe, 0);
+  EXPECT_LT(flight.states.back().velocity.norm(), 0.3);
+  const double left = (flight.states.back().position - goal).norm();
+  EXPECT_GT(left, 0.45);  // voxels are centres here: no margin around them
+  EXPECT_LT(left, 1.2);
+}
+
+// A peer counts with all that it may fly: committed, pending next and announced.
+TEST(PlannerTest, KeepsClearOfPeers) {
+  const PlannerConfig config = flat_config();
+  const Motion own = hovering({-1.5, 0.03, 0.02});
+  const Vector3d goal(3, 0.03, 0.02), away(0.0, 2.5, 0.5);
+  const Sogm sogm = map_at(kStart);
+  std::vector<Peer> cases(5);
+  cases[0].motion = hovering({0.0, 0.1, 0.0});
+  cases[1].motion = {line(kStart, 1'600'000, {2.0, 0.0, 0.0}, {-2.5, 0.0, 0.0}), {}};  // head on
+  cases[2].motion = hovering(away);
+  cases[2].motion.next = line(kStart + 130'000, 700'000, away, {0.0, 0.0, 0.0});  // comes in between two frames' bounds
+  cases[3].motion = hovering(away);
+  cases[3].announced = line(kStart + 130'000, 700'000, away, {0.0, 0.0, 0.0});
+  cases[4].motion = hovering({0.0, 0.1, 0.0});
+  cases[4].announced = line(kStart + 100'000, 700'000, {0.0, 0.1, 0.0}, away);  // announces to leave: may stay as well
+  Planner planner(config);
+  PlanRequest request = make_request(sogm, own, goal);
+  const Trajectory regardless = planner.plan(request).trajectory;
+  for (std::size_t i = 0; i < cases.size(); ++i) {
+    const std::vector<Peer> peers = {cases[i]};
+    request.peers = &peers;
+    const PlanResult& result = planner.plan(request);
+    SCOPED_TRACE(testing::Message() << "case " << i << ": " << describe(request, result));
+    ASSERT_NE(result.outcome, PlanOutcome::kUnsafe);
+    ASSERT_NO_FATAL_FAILURE(check_plan(result, request, config));
+    std::vector<Motion> motions = {cases[i].motion};
+    if (!cases[i].announced.empty()) motions.push_back({cases[i].motion.committed, cases[i].announced});
+    double least = INFINITY, least_regardless = INFINITY;
+    for (const Motion& motion : motions) {
+      EXPECT_TRUE(motions_separated({result.trajectory, {}}, motion, request.start_utime, 0.4));
+      const std::int64_t end = request.start_utime + 2'000'000;
+      least = std::min(least, least_distance({result.trajectory, {}}, motion, request.start_utime, end));
+      least_regardless = std::min(least_regardless, least_distance({regardless, {}}, motion, request.start_utime, end));
+    }
+    EXPECT_GT(least, 0.4);
+    EXPECT_LT(least_regardless, 0.4) << "the peer is not in the way";
+  }
+}
+
+TEST(PlannerTest, LeavesBlockedSpaceInTime) {
+  const PlannerConfig config = flat_config();
+  Planner planner(config);
+  Sogm sogm = map_at(kStart);
+  mark_box(&sogm, {0.2, -9, -9}, {0.4, 9, 9});
+  const PlanRequest request = make_request(sogm, hovering({-0.03, 0.03, 0.02}), {-3, 0, 0});
+  const PlanResult& result = planner.plan(request);
+  SCOPED_TRACE(describe(request, result));
+  ASSERT_NE(result.outcome, PlanOutcome::kUnsafe);
+  ASSERT_NO_FATAL_FAILURE(check_plan(result, request, config));
+  for (std::int64_t t = 0; t < 2'000'000; t += 1000) {
+    const double x = result.trajectory.at(request.start_utime + t).position.x();
+    ASSERT_LT(x, t < 450'000 ? 0.0 : -0.1) << t;
+  }
+}
+
+// Half of the space fills up at 0.8 s. The own motion, faster than any plan may be, escapes: it is the better one.
+TEST(PlannerTest, KeepsTheOwnMotionWhenNoPlanIsBetter) {
+  const PlannerConfig config = flat_config();
+  Planner planner(config);
+  Sogm sogm = map_at(kStart);
+  mark_box(&sogm, {-9, -9, -9}, {2.0, 9, 9}, 4, kFrames);
+  Motion own = hovering({0.03, 0.03, 0.02});
+  PlanRequest request = make_request(sogm, own, {3, 0, 0});
+  request.own.next = line(request.start_utime, 700'000, {0.03, 0.03, 0.02}, {3.5, 0.03, 0.02});
+  const PlanResult& kept = planner.plan(request);
+  EXPECT_EQ(kept.outcome, PlanOutcome::kUnsafe);
+  EXPECT_FALSE(kept.fly);
+  EXPECT_EQ(kept.search_status, SearchStatus::kPartial);
+
+  request.own.next = line(request.start_utime, 700'000, {0.03, 0.03, 0.02}, {-0.9, 0.03, 0.02});
+  mark_box(&sogm, {-9, -9, -9}, {-0.45, 9, 9}, 0, 3);  // and this one flies into a wall before that
+  const PlanResult& flown = planner.plan(request);
+  EXPECT_EQ(flown.outcome, PlanOutcome::kUnsafe);
+  EXPECT_TRUE(flown.fly);
+  ASSERT_NO_FATAL_FAILURE(check_plan(flown, request, config));
+}
+
+// A search that gets stuck early does not replace what an earlier one found, unless it ends nearer to the goal.
+TEST(PlannerTest, StuckItKeepsAnEarlierPlanThatEndsNearerToTheGoal) {
+  const Vector3d goal(8, 0.03, 0.02);
+  PlannerConfig config = flat_config();
+  Planner thorough(config);
+  config.search.max_expansions = 3;
+  Planner hasty(config);
+  const Sogm sogm = map_at(kStart);
+  PlanRequest request = make_request(sogm, hovering({-4, 0.03, 0.02}), goal);
+  const PlanResult& far = thorough.plan(request);
+  ASSERT_EQ(far.search_status, SearchStatus::kSurvives);
+  ASSERT_TRUE(far.fly);
+  EXPECT_TRUE(hasty.plan(request).fly) << "better than to hover";
+
+  request.own.next = far.trajectory;
+  request.start_utime += 100'000;
+  const PlanResult& near = hasty.plan(request);
+  EXPECT_EQ(near.search_status, SearchStatus::kSurvives);
+  EXPECT_NE(near.outcome, PlanOutcome::kUnsafe);
+  EXPECT_FALSE(near.fly);
+  EXPECT_TRUE(thorough.plan(request).fly) << "not stuck";
+  request.goal = {-8, 0.03, 0.02};
+  EXPECT_TRUE(hasty.plan(request).fly) << "the own motion flies away from the goal";
+  Sogm walled = sogm;
+  mark_box(&walled, {-1.0, -9, -9}, {-0.8, 9, 9});
+  request.sogm = &walled;
+  request.goal = goal;
+  EXPECT_TRUE(hasty.plan(request).fly) << "the own motion flies into a wall";
+}
+
+// A wall appears before the goal: the way around it is known at once for another goal, otherwise a quarter of a second
+// after the guidance was made.
+TEST(PlannerTest, GuidanceServesPlansForAWhile) {
+  Planner planner(flat_config());
+  const auto detour_s = [&](std::int64_t utime, bool walled, const Vector3d& goal) {
+    Sogm sogm = map_at(utime);
+    if (walled) mark_box(&sogm, {3.0, -2.0, -9}, {3.4, 2.0, 9});
+    planner.plan(make_request(sogm, hovering({0.03, 0.03, 0.02}), goal));
+    const CostToGo& to_go = *planner.search_problem().cost_to_go;
+    const int last = to_go.num_steps();
+    return to_go.delay_s(last, to_go.cell_of(last, 0, 2.3), to_go.cell_of(last, 1, 0.1), to_go.cell_of(last, 2, 0.1));
+  };
+  const Vector3d goal(4.5, 0.1, 0.1);
+  EXPECT_EQ(detour_s(kStart, false, goal), 0.0);
+  EXPECT_EQ(detour_s(kStart + 100'000, true, goal), 0.0);
+  EXPECT_EQ(detour_s(kStart + 175'000, true, goal), 0.0);
+  EXPECT_GT(detour_s(kStart + 250'000, true, goal), 0.3);
+  EXPECT_GT(detour_s(kStart + 330'000, false, goal), 0.3);
+  EXPECT_EQ(detour_s(kStart + 340'000, false, {4.5, 0.2, 0.1}), 0.0);
+  EXPECT_GT(detour_s(kStart + 340'000, true, {4.5, 0.2, 0.1}), 0.3);  // the time has not moved on: another log, a reset
+  EXPECT_EQ(detour_s(kStart, false, {4.5, 0.2, 0.1}), 0.0);
+}
+
+// In a closed cage the search is stuck: it takes finer steps in every other plan, and usual ones again in the open.
+TEST(PlannerTest, AStuckSearchTakesFinerStepsInTurns) {
+  Planner planner(flat_config());
+  std::int64_t utime = kStart;
+  const auto takes_finer_steps = [&](bool caged) {
+    Sogm sogm = map_at(utime += 50'000);
+    for (const double side : {-1.4, 1.2}) {
+      if (caged) mark_box(&sogm, {side, -1.4, -9}, {side + 0.2, 1.4, 9});
+      if (caged) mark_box(&sogm, {-1.4, side, -9}, {1.4, side + 0.2, 9});
+    }
+    const PlanResult& result = planner.plan(make_request(sogm, hovering({0.03, 0.03, 0.02}), {4.5, 0.1, 0.1}));
+    EXPECT_EQ(result.search_status, SearchStatus::kSurvives);
+    EXPECT_LE(result.expansions, SearchOptions().max_expansions);
+    return planner.search_problem().fine;
+  };
+  EXPECT_FALSE(takes_finer_steps(true));
+  EXPECT_TRUE(takes_finer_steps(true));
+  EXPECT_FALSE(takes_finer_steps(true));
+  EXPECT_TRUE(takes_finer_steps(false));
+  EXPECT_FALSE(takes_finer_steps(false));
+  EXPECT_FALSE(takes_finer_steps(false));
+}
+
+// A wall appears in front of the robot: the cost to go knows of it in the maps themselves, but serves for two of them.
+TEST(PlannerTest, CostToGoServesTheNextMap) {
+  Planner planner(flat_config());
+  const Vector3d start(0.03, 0.03, 0.02);
+  const auto delay_s = [&](std::int64_t utime, bool walled, const Vector3d& goal) {
+    Sogm sogm = map_at(utime);
+    if (walled) mark_box(&sogm, {0.9, -2.0, -9}, {1.3, 2.0, 9});
+    planner.plan(make_request(sogm, hovering(start), goal));
+    const CostToGo& to_go = *planner.search_problem().cost_to_go;
+    return to_go.delay_s(0, to_go.cell_of(0, 0, start.x()), to_go.cell_of(0, 1, start.y()),
+                         to_go.cell_of(0, 2, start.z()));
+  };
+  const Vector3d goal(4.5, 0.1, 0.1);
+  EXPECT_EQ(delay_s(kStart, false, goal), 0.0);
+  EXPECT_EQ(delay_s(kStart + 50'000, true, goal), 0.0);
+  EXPECT_GT(delay_s(kStart + 75'000, true, goal), 0.3);
+  EXPECT_GT(delay_s(kStart + 125'000, false, goal), 0.3);
+  EXPECT_EQ(delay_s(kStart + 130'000, false, {4.5, 0.2, 0.1}), 0.0);
+}
+
+double jerk_integral(const Trajectory& trajectory) {
+  double sum = 0.0;
+  for (std::int64_t t = trajectory.start_utime() + 500; t < trajectory.end_utime(); t += 1000) {
+    sum += 0.001 * trajectory.at(t).jerk.squaredNorm();
+  }
+  return sum;
+}
+
+TEST(PlannerTest, SmoothingLowersTheJerkOfTheSearchedPathInsideItsCorridors) {
+  Rng rng(1);
+  PlannerConfig config = flat_config();
+  config.zones.wake_s = 0.0;
+  Planner planner(config);
+  SearchLimits limits = config.limits;
+  limits.v_max *= Planner::kUsableSpeed;
+  KinodynamicSearch search(limits, config.search);
+  int compared = 0, much_better = 0;
+  for (int trial = 0; trial < 30; ++trial) {
+    Sogm sogm = map_at(kStart);
+    for (int i = 0; i < 12; ++i)
+      mark_moving(&sogm, in_box(rng, {-4, -3, -1}, {4, 3, 1}), in_cube(rng, 0.8), 0.3, i % 2 == 0);
+    const PlanRequest request = make_request(sogm, hovering(in_box(rng, {-4, -2, -0.8}, {4, 2, 0.8})),
+                                             in_box(rng, {-4, -2, -0.8}, {4, 2, 0.8}));
+    const PlanResult& result = planner.plan(request);
+    if (result.outcome != PlanOutcome::kSmooth) continue;
+    const MotionState start = request.own.at(request.start_utime);
+    const Reach reach{start.position, request.start_utime,
+                      limits.v_max,   1e-6 * config.search.piece_us * config.search.num_pieces,
+                      limits.a_max,   start.velocity};
+    Sogm blocked, near, tight, contact;
+    dilate(sogm, config.zones.radius_m + config.zones.clearance_m, &blocked);
+    dilate(blocked, config.zones.comfort_m, &near);
+    dilate(sogm, config.zones.radius_m + config.zones.tight_m, &tight);
+    dilate(sogm, config.zones.radius_m - config.zones.contact_m, &contact);
+    Sogm still;  // occupied in every frame
+    still.reset(sogm.geometry, 1, kStart, sogm.frame_duration_us);
+    for (std::size_t i = 0; i < still.words.size(); ++i) {
+      still.words[i] = ~std::uint64_t{0};
+      for (int frame = 0; frame < sogm.num_frames; ++frame) still.words[i] &= sogm.column(frame, 0, 0)[i];
+    }
+    SearchProblem problem;
+    problem.fine = planner.search_problem().fine;  // after a plan that got stuck
+    problem.start = start;
+    problem.start_utime = request.start_utime;
+    problem.goal = request.goal;
+    problem.blocked = &blocked;
+    problem.near = &near;
+    problem.wake = &blocked;
+    problem.tight = &tight;
+    problem.contact = &contact;
+    CostToGo cost_to_go;
+    Guidance guidance;
+    const double blocked_m = config.zones.blocked_m();
+    const bool guided = guidance.build({&still}, blocked_m, request.goal, limits.space_min.z(), limits.space_max.z());
+    cost_to_go.build({&sogm}, blocked_m, guided ? &guidance : nullptr, reach, request.goal, limits.space_min,
+                     limits.space_max);
+    problem.cost_to_go = &cost_to_go;
+    SearchResult path;
+    SCOPED_TRACE(testing::Message() << "trial " << trial << ": " << describe(request, result));
+    const SearchStatus status = search.find(problem, &path);
+    if (path.settled || path.left_blocked) continue;  // then the planner looked again
+    ++compared;
+    ASSERT_EQ(status, result.search_status);
+    ASSERT_EQ(path.expansions, result.expansions);  // the same search
+    ASSERT_EQ(path.num_pieces, result.trajectory.num_pieces());
+    Trajectory raw(0, request.start_utime, config.search.piece_us, path.num_pieces);
+    for (int k = 0; k <= path.num_pieces; ++k) raw.set_knot(k, path.knots[static_cast<std::size_t>(k)]);
+    const double before = jerk_integral(raw), after = jerk_integral(result.trajectory);
+    ASSERT_LE(after, before * 1.001 + 1e-6);
+    much_better += after < 0.8 * before;
+    ASSERT_EQ(result.corridors.size(), static_cast<std::size_t>(path.num_pieces));
+    for (std::int64_t t = raw.start_utime(); t < raw.end_utime(); t += 1000) {
+      const auto piece = static_cast<std::size_t>((t - raw.start_utime()) / raw.piece_us());
+      ASSERT_LE(result.corridors[piece].violation(result.trajectory.at(t).position), 2e-6) << t - raw.start_utime();
+    }
+  }
+  EXPECT_GT(compared, 12);
+  EXPECT_GT(much_better, compared / 2);
+}
+
+TEST(PlannerTest, RandomScenesKeepAllPromisesAndRepeatBitForBit) {
+  Rng rng(2);
+  const PlannerConfig config = flat_config();
+  Planner planner(config);
+  std::array<int, 3> seen{};
+  for (int trial = 0; trial < 30; ++trial) {
+    Sogm sogm = map_at(kStart - uniform_int(rng, 0, 150'000));
+    for (int i = uniform_int(rng, 0, 18); i > 0; --i) {
+      mark_moving(&sogm, in_box(rng, {-4, -3, -1}, {4, 3, 1}), in_cube(rng, 0.8), uniform(rng, 0.1, 0.5), i % 2 == 0);
+    }
+    std::vector<Peer> peers(static_cast<std::size_t>(uniform_int(rng, 0, 4)));
+    for (Peer& peer : peers) {
+      peer.motion = random_motion(rng, kStart - uniform_int(rng, 0, 2'000'000), 2.5);
+      peer.radius_m = uniform(rng, 0.1, 0.4);
+      if (uniform_int(rng, 0, 1) == 1) {
+        const std::int64_t leave = kStart + uniform_int(rng, 0, 300'000);
+        peer.announced = random_trajectory(rng, 2, leave, peer.motion.committed.at(leave), 2.5);
+      }
+    }
+    // On the way somewhere: the motion of a plan made in empty space.
+    const Sogm empty = map_at(kStart - 600'000);
+    const Vector3d goal = in_box(rng, {-4, -2, -0.8}, {4, 2, 0.8});
+    const PlanRequest earlier = make_request(empty, hovering(in_box(rng, {-4, -2, -0.8}, {4, 2, 0.8})), goal);
+    Motion own = earlier.own;
+    own.next = planner.plan(earlier).trajectory;
+    const PlanRequest request = make_request(sogm, own, goal, peers);
+    const PlanResult result = planner.plan(request);
+    SCOPED_TRACE(testing::Message() << "trial " << trial << ": " << describe(request, result));
+    ASSERT_NO_FATAL_FAILURE(check_plan(result, request, config));
+    ++seen[static_cast<std::size_t>(result.outcome)];
+
+    Planner fresh(config);
+    const PlanResult& again = fresh.plan(request);
+    ASSERT_EQ(again.outcome, result.outcome);
+    ASSERT_EQ(again.fly, result.fly);
+    ASSERT_EQ(again.search_status, result.search_status);
+    ASSERT_EQ(again.expansions, result.expansions);
+    const sogm_swarm::trajectory_t a = result.trajectory.to_wire(), b = again.trajectory.to_wire();
+    ASSERT_EQ(a.num_pieces, b.num_pieces);
+    ASSERT_EQ(std::memcmp(a.knots, b.knots, sizeof(a.knots)), 0);
+    ASSERT_EQ(again.corridors.size(), result.corridors.size());
+    for (std::size_t i = 0; i < again.corridors.size(); ++i) {
+      ASSERT_EQ(again.corridors[i].normals, result.corridors[i].normals);
+      ASSERT_EQ(again.corridors[i].offsets, result.corridors[i].offsets);
+    }
+  }
+  EXPECT_GT(seen[static_cast<std::size_t>(PlanOutcome::kSmooth)], 10);
+  EXPECT_GT(seen[static_cast<std::size_t>(PlanOutcome::kUnsafe)], 0);
+}
+
+// A start too fast to keep the limits from: then the smooth trajectory has to be within them all the same, or is not
+// taken.
+TEST(PlannerTest, SmoothTrajectoriesKeepTheLimitsFromAnyStart) {
+  Rng rng(4);
+  const PlannerConfig config = flat_config();
+  Planner planner(config);
+  const Sogm sogm = map_at(kStart);
+  int smooth = 0, other = 0;
+  for (int trial = 0; trial < 50; ++trial) {
+    Motion own{Trajectory(1, kStart + kLead_us, 1'000'000, 1), {}};
+    own.committed.set_knot(0, random_state(rng, 0.5, 2, 6));
+    own.committed.set_knot(1, MotionState{});
+    const PlanRequest request = make_request(sogm, own, in_cube(rng, 4));
+    const PlanResult& result = planner.plan(request);
+    SCOPED_TRACE(testing::Message() << "trial " << trial << ": " << describe(request, result));
+    if (result.outcome == PlanOutcome::kSmooth) {
+      ++smooth;
+      ASSERT_NO_FATAL_FAILURE(check_plan(result, request, config));
+    } else {
+      ++other;
+    }
+  }
+  EXPECT_GT(smooth, 10);
+  EXPECT_GT(other, 2);
+}
+
+TEST(PlannerTest, TimesItsStepsWithTheStopwatchOnly) {
+  const Sogm sogm = map_at(kStart);
+  const PlanRequest request = make_request(sogm, hovering({0, 0, 0}), {1, 0, 0});
+  Planner untimed(flat_config());
+  for (double ms : untimed.plan(request).step_ms) EXPECT_EQ(ms, 0.0);
+  std::int64_t now_ns = 0;
+  Planner timed(flat_config(), [&] { return now_ns += 1'000'000; });
+  for (double ms : timed.plan(request).step_ms) EXPECT_DOUBLE_EQ(ms, 1.0);
+}
+
+TEST(PlannerTest, RefusesAHorizonTooShortToBrake) {
+  PlannerConfig config = flat_config();
+  config.search.num_pieces = 3;
+  EXPECT_THROW(Planner{config}, std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace swarm

@@ -1,0 +1,274 @@
+// The zones against their definition, wherever and in whatever order they are looked at.
+#include "planner_daemon/space/configuration_space.h"
+
+#include <gtest/gtest.h>
+
+#include <limits>
+#include <vector>
+
+#include "tests/support/random_map.h"
+#include "tests/support/random_reach.h"
+
+namespace swarm {
+namespace {
+
+using Eigen::Vector3d;
+using Eigen::Vector3i;
+
+constexpr std::int64_t kStart = 1'700'000'000'000'000;
+
+// Adds what a peer sweeps, everywhere.
+void draw(const Motion& motion, double radius_m, Sogm* sogm) {
+  const std::vector<Columns> everywhere(static_cast<std::size_t>(sogm->num_frames), all_columns(sogm->geometry));
+  SweptVolumes volumes;
+  volumes.lay_out(*sogm);
+  volumes.add(motion, radius_m, std::llround(1e6 * ZoneOptions().clock_error_s), everywhere);
+  for (int frame = 0; frame < sogm->num_frames; ++frame) {
+    std::vector<Layer> layers;
+    volumes.append_layers(frame, all_columns(sogm->geometry), &layers);
+    for (const Layer& layer : layers) {
+      for_each_column(sogm->geometry, [&](int x, int y) {
+        if (!holds(layer.columns, x, y)) return;
+        const Eigen::Vector2i at = Eigen::Vector2i(x, y) - layer.columns.first;
+        const int words = sogm->geometry.words_per_column();
+        for (int w = 0; w < words; ++w)
+          sogm->column(frame, x, y)[w] |=
+              layer.words[static_cast<std::size_t>(at.x()) * layer.row + at.y() * words + w];
+      });
+    }
+  }
+}
+
+// Occupied voxels and those of the peers.
+Sogm with_peers(const Sogm& sogm, const std::vector<Peer>& peers) {
+  Sogm all = sogm;
+  for (const Peer& peer : peers) {
+    const double radius_m = peer.radius_m + 0.5 * sogm.geometry.resolution_m;
+    draw(peer.motion, radius_m, &all);
+    if (!peer.announced.empty()) draw({peer.motion.committed, peer.announced}, radius_m, &all);
+  }
+  return all;
+}
+
+class ZonesTest : public testing::Test {
+ protected:
+  // What the zones are by definition, in the whole window.
+  void define(const Sogm& sogm, const std::vector<Peer>& peers, const ZoneOptions& options) {
+    const Sogm all = with_peers(sogm, peers);
+    Sogm lately = all;
+    const int back = static_cast<int>(std::llround(1e6 * options.wake_s / static_cast<double>(all.frame_duration_us)));
+    for (int frame = 0; frame < all.num_frames; ++frame) {
+      for (int before = std::max(0, frame - back); before < frame; ++before) {
+        for (int i = 0; i < all.geometry.words_per_frame(); ++i)
+          lately.column(frame, 0, 0)[i] |= all.column(before, 0, 0)[i];
+      }
+    }
+    dilate(all, options.radius_m + options.clearance_m, &blocked);
+    for (const Peer& peer : peers) {
+      if (peer.silent) draw(peer.motion, peer.radius_m + 0.5 * sogm.geometry.resolution_m + options.berth_m, &lately);
+    }
+    dilate(lately, options.radius_m + options.clearance_m, &wake);
+    dilate(wake, options.comfort_m, &near);
+    dilate(all, options.radius_m + options.tight_m, &tight);
+    dilate(all, options.radius_m - options.contact_m, &contact);
+  }
+  static std::uint64_t different(const Sogm& a, const Sogm& b, int frame, int x, int y) {
+    std::uint64_t bits = 0;
+    for (int w = 0; w < a.geometry.words_per_column(); ++w) bits |= a.column(frame, x, y)[w] ^ b.column(frame, x, y)[w];
+    return bits;
+  }
+  Sogm blocked, wake, near, tight, contact;
+};
+
+TEST_F(ZonesTest, EqualTheirDefinitionWherePrepared) {
+  Rng rng(1);
+  ZoneOptions options;
+  options.berth_m = 0.3;
+  Zones zones(options);  // one for all: what is left of earlier maps must not show
+  int compared = 0, emergencies = 0, set = 0;
+  for (int trial = 0; trial < 40; ++trial) {
+    const Vector3d size_m = trial / 10 == 1 ? Vector3d(3, 3.5, 7) : Vector3d(5, 4.3, 2);
+    const Sogm sogm = random_map(rng, trial % 7, size_m, 8, kStart, 100'000);
+    std::vector<Peer> peers(static_cast<std::size_t>(trial % 3));
+    for (Peer& peer : peers) {
+      peer.motion = random_motion(rng, kStart - 500'000, 2.0);
+      peer.silent = trial % 5 == 0;
+      if (trial % 2 == 0) {
+        const std::int64_t leave = kStart + 150'000;
+        peer.announced = random_trajectory(rng, 2, leave, peer.motion.committed.at(leave), 2.0);
+      }
+    }
+    // Far enough to come everywhere: then peers count in the whole window.
+    const Reach reach{{0, 0, 0}, kStart, 20.0, 2.0};
+    zones.compose(sogm, peers, reach);
+    define(sogm, peers, options);
+    const bool emergency = trial % 4 == 0;
+    SCOPED_TRACE(testing::Message() << "trial " << trial);
+    for (int look = 0; look < 30; ++look) {
+      if (emergency && look == 10) zones.enter_emergency();
+      const int frame = uniform_int(rng, 0, 7), last = std::min(7, frame + uniform_int(rng, 0, 2));
+      Columns columns;
+      for (int axis = 0; axis < 2; ++axis) {
+        columns.first[axis] = uniform_int(rng, -5, sogm.geometry.size[axis] + 2);
+        columns.last[axis] = columns.first[axis] + uniform_int(rng, 0, 15);
+      }
+      const bool all = look % 3 != 0;
+      all ? zones.prepare(frame, last, columns) : zones.prepare_blocked(frame, last, columns);
+      for (int f = frame; f <= last; ++f) {
+        for_each_column(sogm.geometry, [&](int x, int y) {
+          if (!holds(columns, x, y)) return;
+          ++compared;
+          set += blocked.column(f, x, y)[0] != 0;
+          EXPECT_EQ(different(zones.blocked(), blocked, f, x, y), 0u) << "blocked " << f << ": " << x << ' ' << y;
+          if (all) {
+            EXPECT_EQ(different(zones.wake(), wake, f, x, y), 0u) << "wake " << f << ": " << x << ' ' << y;
+            EXPECT_EQ(different(zones.near(), near, f, x, y), 0u) << "near " << f << ": " << x << ' ' << y;
+          }
+          if (emergency && look >= 10) {
+            ++emergencies;
+            EXPECT_EQ(different(zones.tight(), tight, f, x, y), 0u) << "tight " << f << ": " << x << ' ' << y;
+            EXPECT_EQ(different(zones.contact(), contact, f, x, y), 0u) << "contact " << f << ": " << x << ' ' << y;
+          }
+        });
+        ASSERT_FALSE(HasFailure());
+      }
+    }
+    for (int look = 0; look < 50; ++look) {
+      const Vector3d position = in_box(rng, -0.6 * size_m, 0.6 * size_m);
+      const std::int64_t utime = kStart + uniform_int(rng, -200'000, 1'200'000);
+      EXPECT_EQ(zones.blocked_at(position, utime),
+                blocked.occupied(blocked.frame_at(utime), blocked.geometry.voxel_of(position)));
+    }
+  }
+  EXPECT_GT(compared, 50'000);
+  EXPECT_GT(emergencies, 5'000);
+  EXPECT_GT(set, compared / 20);
+}
+
+// A peer may be left out only where the robot does not come in time.
+TEST_F(ZonesTest, PeersCountWhereTheRobotComes) {
+  Rng rng(2);
+  Zones zones({});
+  int near_peers = 0;
+  for (int trial = 0; trial < 40; ++trial) {
+    const Sogm sogm = empty_map({6, 6, 2}, 0.1, 10, kStart, 100'000);
+    std::vector<Peer> peers(1);
+    peers[0].motion = random_motion(rng, kStart - 500'000, 2.0);
+    const Reach reach = random_reach(rng, sogm);
+    zones.compose(sogm, peers, reach);
+    define(sogm, peers, {});
+    for (int frame = 0; frame < 10; ++frame) {
+      const Columns columns = reached(sogm, frame, reach);
+      if (columns.empty()) continue;
+      zones.prepare(frame, frame, columns);
+      for_each_column(sogm.geometry, [&](int x, int y) {
+        if (!holds(columns, x, y)) return;
+        EXPECT_EQ(different(zones.blocked(), blocked, frame, x, y), 0u) << "frame " << frame << ": " << x << ' ' << y;
+        EXPECT_EQ(different(zones.near(), near, frame, x, y), 0u) << "frame " << frame << ": " << x << ' ' << y;
+        near_peers += near.column(frame, x, y)[0] != 0;
+      });
+      ASSERT_FALSE(HasFailure());
+    }
+  }
+  EXPECT_GT(near_peers, 1000);
+}
+
+TEST_F(ZonesTest, StandingIsWhatIsOccupiedInAllFramesAndPeersThatHover) {
+  Zones zones({});
+  Sogm sogm = empty_map({4, 4, 2}, 0.1, 6, kStart, 100'000);
+  mark_box(&sogm, {1, 1, -9}, {1.3, 1.3, 9});
+  mark_box(&sogm, {-1, 1, -9}, {-0.7, 1.3, 9}, 0, 4);
+  mark_box(&sogm, {-1, -1, -9}, {-0.7, -0.7, 9}, 0, 2);
+  mark_box(&sogm, {-1, -1, -9}, {-0.7, -0.7, 9}, 4, 5);
+  std::vector<Peer> peers(2);
+  peers[0].motion.committed = Trajectory::hover(1, kStart - 1'000'000, {1, -1, 0});
+  Rng rng(3);
+  peers[1].motion.committed = random_trajectory(rng, 1, kStart - 100'000, MotionState{}, 1.0);  // still under way
+  zones.compose(sogm, peers, {{0, 0, 0}, kStart, 2.0, 2.0});
+  const Occupancy standing = zones.compose_standing(peers);
+  Sogm occupied = *standing.sogm;
+  std::vector<Layer> layers;
+  standing.append_layers(0, all_columns(sogm.geometry), &layers);
+  ASSERT_EQ(layers.size(), 2u);  // the map and one peer
+  EXPECT_TRUE(holds(layers[1].columns, 30, 10));
+  for_each_column(sogm.geometry, [&](int x, int y) {
+    const Vector3d center = sogm.geometry.center_of({x, y, 10});
+    const bool stands = center.x() > 1 && center.x() < 1.3 && center.y() > 1 && center.y() < 1.3;
+    EXPECT_EQ(occupied.occupied(0, {x, y, 10}), stands) << x << ' ' << y;
+  });
+}
+
+// At a reported time the motion is blocked; and it was not blocked for 10 ms in a row before.
+TEST(ZonesOfAPoint, FirstBlockedAgreesWithBruteForce) {
+  Rng rng(3);
+  int blocked = 0, by_the_tail = 0;
+  Sogm sogm;
+  Zones zones({.radius_m = 0.0, .clearance_m = 0.0});
+  for (int trial = 0; trial < 200; ++trial) {
+    if (trial % 5 == 0) sogm = random_map(rng, uniform_int(rng, 1, 25), {4, 4, 3}, 10, kStart, 200'000);
+    zones.compose(sogm, {}, {});
+    const Motion motion = random_motion(rng, kStart - uniform_int(rng, 0, 500'000), 1.8);
+    const std::int64_t from = kStart + uniform_int(rng, -100'000, 2'500'000);
+    const auto is_blocked = [&](std::int64_t t) {
+      return sogm.occupied(sogm.frame_at(t), sogm.geometry.voxel_of(motion.at(t).position));
+    };
+    std::int64_t in_a_row = std::numeric_limits<std::int64_t>::max();
+    int count = 0;
+    const std::int64_t map_end = kStart + 2'000'000, end = std::max(motion.end_utime(), map_end);
+    for (std::int64_t t = from; t < end && in_a_row == std::numeric_limits<std::int64_t>::max(); t += 500) {
+      count = is_blocked(t) ? count + 1 : 0;
+      if (count > 20) in_a_row = t;
+    }
+    const std::int64_t reported = zones.first_blocked(motion, from);
+    SCOPED_TRACE(testing::Message() << "trial " << trial << ", from " << from - kStart << ", reported "
+                                    << reported - kStart << "\n"
+                                    << motion);
+    ASSERT_LE(reported, in_a_row);
+    if (reported == std::numeric_limits<std::int64_t>::max()) continue;
+    ++blocked;
+    ASSERT_GE(reported, from);
+    ASSERT_TRUE(is_blocked(reported));
+    by_the_tail += reported > motion.end_utime();
+  }
+  EXPECT_GT(blocked, 30);
+  EXPECT_LT(blocked, 190);
+  EXPECT_GT(by_the_tail, 0);
+}
+
+TEST(FirstTouch, AgreesWithBruteForce) {
+  Rng rng(7);
+  int touched = 0;
+  for (int trial = 0; trial < 200; ++trial) {
+    Sogm sogm = random_bits({30, 30, 70}, 5, 0.002, 0.1, rng);
+    sogm.start_utime = kStart;
+    const Vector3d middle = sogm.geometry.center_of(sogm.geometry.size / 2);
+    Motion motion = random_motion(rng, kStart - 300'000, 1.5);
+    for (Trajectory* part : {&motion.committed, &motion.next}) {  // into the window
+      for (int k = 0; !part->empty() && k <= part->num_pieces(); ++k) {
+        MotionState knot = part->knot(k);
+        knot.position += middle;
+        part->set_knot(k, knot);
+      }
+    }
+    const double radius = uniform(rng, 0.05, 0.4);
+    const std::int64_t from = kStart + uniform_int(rng, 0, 300'000), until = from + uniform_int(rng, 0, 800'000);
+    std::int64_t expected = std::numeric_limits<std::int64_t>::max();
+    for (std::int64_t t = from; t <= until && expected > until; t += 20'000) {
+      const Vector3d position = motion.at(t).position;
+      for_each_column(sogm.geometry, [&](int x, int y) {
+        for (int z = 0; z < sogm.geometry.size.z(); ++z) {
+          if (sogm.occupied(sogm.frame_at(t), {x, y, z}) &&
+              (sogm.geometry.center_of({x, y, z}) - position).norm() <= radius)
+            expected = t;
+        }
+      });
+    }
+    ASSERT_EQ(first_touch(sogm, motion, radius, from, until), expected) << "trial " << trial;
+    touched += expected <= until;
+  }
+  EXPECT_GT(touched, 30);
+  EXPECT_LT(touched, 170);
+}
+
+}  // namespace
+}  // namespace swarm

@@ -1,0 +1,322 @@
+#include "planner_daemon/trajectory/trajectory.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <limits>
+#include <vector>
+
+#include "tests/support/random_motion.h"
+
+namespace swarm {
+namespace {
+
+constexpr std::int64_t kNever = std::numeric_limits<std::int64_t>::max();
+constexpr std::int64_t kStart = 1'700'000'000'000'000;
+
+// Independent of Bezier curves: the monomials' coefficients (6 x 3) from the end conditions.
+class HermiteQuintic {
+ public:
+  HermiteQuintic(const MotionState& from, const MotionState& to, double h) {
+    Eigen::Matrix<double, 6, 6> conditions;
+    Eigen::Matrix<double, 6, 3> values;
+    for (int derivative = 0; derivative < 3; ++derivative) {
+      conditions.row(derivative) = powers(0.0, derivative);
+      conditions.row(3 + derivative) = powers(h, derivative);
+    }
+    values << from.position.transpose(), from.velocity.transpose(), from.acceleration.transpose(),
+        to.position.transpose(), to.velocity.transpose(), to.acceleration.transpose();
+    coefficients_ = conditions.fullPivLu().solve(values);
+  }
+
+  MotionState at(double t) const {
+    return {(powers(t, 0) * coefficients_).transpose(), (powers(t, 1) * coefficients_).transpose(),
+            (powers(t, 2) * coefficients_).transpose(), (powers(t, 3) * coefficients_).transpose()};
+  }
+
+ private:
+  static Eigen::Matrix<double, 1, 6> powers(double t, int derivative) {
+    Eigen::Matrix<double, 1, 6> row;
+    for (int k = 0; k < 6; ++k) {
+      double factor = 1.0;
+      for (int i = 0; i < derivative; ++i) factor *= k - i;
+      row[k] = k < derivative ? 0.0 : factor * std::pow(t, k - derivative);
+    }
+    return row;
+  }
+  Eigen::Matrix<double, 6, 3> coefficients_;
+};
+
+TEST(QuinticTest, IsTheHermiteQuinticInsideItsHullAndBounds) {
+  Rng rng(1);
+  for (int trial = 0; trial < 500; ++trial) {
+    const MotionState from = random_state(rng, 10, 3, 8), to = random_state(rng, 10, 3, 8);
+    const double h = uniform(rng, 0.05, 2.0);
+    SCOPED_TRACE(testing::Message() << "trial " << trial << ", h " << h << "\nfrom " << from << "\nto " << to);
+    const ControlPoints points = quintic_control_points(from, to, h);
+    const HermiteQuintic curve(from, to, h);
+    const double speed_bound = max_speed_bound(points, h), acceleration_bound = max_acceleration_bound(points, h);
+    std::array<Eigen::Vector3d, 20> normals;
+    for (Eigen::Vector3d& normal : normals) normal = in_cube(rng, 1);
+    for (int i = 0; i <= 100; ++i) {
+      const double s = i / 100.0;
+      const MotionState expected = curve.at(s * h), state = evaluate_bezier(points, h, s);
+      ASSERT_LT((state.position - expected.position).norm(), 1e-8) << s;
+      ASSERT_LT((bezier_position(points, s) - expected.position).norm(), 1e-8) << s;
+      ASSERT_LT(h * (state.velocity - expected.velocity).norm(), 1e-8) << s;
+      ASSERT_LT(h * h * (state.acceleration - expected.acceleration).norm(), 1e-7) << s;
+      ASSERT_LT(h * h * h * (state.jerk - expected.jerk).norm(), 1e-6) << s;
+      for (const Eigen::Vector3d& normal : normals) {
+        ASSERT_LE(normal.dot(expected.position), (normal.transpose() * points).maxCoeff() + 1e-9) << s;
+      }
+      ASSERT_LE(expected.velocity.cwiseAbs().maxCoeff(), speed_bound * (1 + 1e-9)) << s;
+      ASSERT_LE(expected.acceleration.cwiseAbs().maxCoeff(), acceleration_bound * (1 + 1e-9)) << s;
+    }
+  }
+}
+
+TEST(QuinticTest, BoundsAreExactOnUniformAcceleration) {
+  MotionState from, to;
+  from.velocity = {1, -2, 0.5};
+  from.acceleration = to.acceleration = {0.5, 3, -1};
+  const double h = 0.4;
+  to.velocity = from.velocity + h * from.acceleration;
+  to.position = h * from.velocity + h * h / 2 * from.acceleration;
+  const ControlPoints points = quintic_control_points(from, to, h);
+  EXPECT_NEAR(max_speed_bound(points, h), 2.0, 1e-12);
+  EXPECT_NEAR(max_acceleration_bound(points, h), 3.0, 1e-11);
+}
+
+TEST(QuinticTest, DerivativesMatchDifferencesAndTheDefinitionAtTheEnds) {
+  Rng rng(2);
+  for (int trial = 0; trial < 300; ++trial) {
+    ControlPoints c;
+    for (int k = 0; k < 6; ++k) c.col(k) = in_cube(rng, 2);
+    const double h = uniform(rng, 0.1, 1.0), s = uniform(rng, 0.01, 0.99), ds = 1e-5;
+    SCOPED_TRACE(testing::Message() << "trial " << trial << ", h " << h << ", s " << s << "\n" << c);
+    const MotionState left = evaluate_bezier(c, h, s - ds), right = evaluate_bezier(c, h, s + ds);
+    const MotionState state = evaluate_bezier(c, h, s);
+    const double dt = 2 * ds * h;
+    EXPECT_LT(((right.position - left.position) / dt - state.velocity).norm() * h, 1e-6);
+    EXPECT_LT(((right.velocity - left.velocity) / dt - state.acceleration).norm() * h * h, 1e-5);
+    EXPECT_LT(((right.acceleration - left.acceleration) / dt - state.jerk).norm() * h * h * h, 1e-4);
+    for (int end = 0; end < 2; ++end) {
+      const MotionState at_end = evaluate_bezier(c, h, end);
+      // From the end inwards; odd derivatives change sign when time runs backwards.
+      const auto point = [&](int k) -> Eigen::Vector3d { return c.col(end == 0 ? k : 5 - k); };
+      const double sign = end == 0 ? 1.0 : -1.0;
+      EXPECT_EQ(at_end.position, point(0));
+      EXPECT_LT((at_end.velocity - sign * 5 / h * (point(1) - point(0))).norm(), 1e-9 / h);
+      EXPECT_LT((at_end.acceleration - 20 / (h * h) * (point(2) - 2 * point(1) + point(0))).norm(), 1e-9 / (h * h));
+      EXPECT_LT((at_end.jerk - sign * 60 / (h * h * h) * (point(3) - 3 * point(2) + 3 * point(1) - point(0))).norm(),
+                1e-9 / (h * h * h));
+    }
+  }
+}
+
+TEST(TrajectoryTest, WireRoundTripIsExact) {
+  Rng rng(3);
+  for (int trial = 0; trial < 200; ++trial) {
+    const Trajectory trajectory = random_trajectory(rng, 1 + trial, kStart + trial, random_state(rng, 1e3, 9, 9), 1e3);
+    SCOPED_TRACE(testing::Message() << "trial " << trial << ": " << trajectory);
+    const sogm_swarm::trajectory_t sent = trajectory.to_wire();
+    std::vector<std::uint8_t> bytes(static_cast<std::size_t>(sent.getEncodedSize()));
+    ASSERT_EQ(sent.encode(bytes.data(), 0, static_cast<int>(bytes.size())), static_cast<int>(bytes.size()));
+    sogm_swarm::trajectory_t received{};
+    ASSERT_EQ(received.decode(bytes.data(), 0, static_cast<int>(bytes.size())), static_cast<int>(bytes.size()));
+    const Trajectory back = Trajectory::from_wire(received);
+    EXPECT_EQ(back.seq(), trajectory.seq());
+    EXPECT_EQ(back.start_utime(), trajectory.start_utime());
+    EXPECT_EQ(back.piece_us(), trajectory.piece_us());
+    ASSERT_EQ(back.num_pieces(), trajectory.num_pieces());
+    for (int i = 0; i <= Trajectory::kMaxPieces; ++i) {
+      for (int j = 0; j < 9; ++j) {
+        ASSERT_EQ(std::bit_cast<std::uint32_t>(received.knots[i][j]), std::bit_cast<std::uint32_t>(sent.knots[i][j]));
+        if (i > trajectory.num_pieces()) {
+          ASSERT_EQ(sent.knots[i][j], 0.0f) << "past the end";
+        }
+      }
+    }
+    for (int i = 0; i < 20; ++i) {
+      const std::int64_t t = kStart + uniform_int(rng, -100'000, 4'500'000);
+      const MotionState a = trajectory.at(t), b = back.at(t);
+      ASSERT_EQ(a.position, b.position) << t;
+      ASSERT_EQ(a.velocity, b.velocity) << t;
+      ASSERT_EQ(a.acceleration, b.acceleration) << t;
+      ASSERT_EQ(a.jerk, b.jerk) << t;
+    }
+  }
+  const Trajectory none = Trajectory::from_wire(Trajectory().to_wire());
+  EXPECT_TRUE(none.empty());
+  EXPECT_EQ(none.seq(), 0);
+}
+
+TEST(TrajectoryTest, KnotsAreRoundedToWhatTheWireCarries) {
+  Rng rng(4);
+  Trajectory trajectory(1, kStart, 200'000, Trajectory::kMaxPieces);
+  for (int i = 0; i <= trajectory.num_pieces(); ++i) {
+    const MotionState state = random_state(rng, 50, 3, 8);
+    trajectory.set_knot(i, state);
+    EXPECT_EQ(trajectory.knot(i).position, state.position.cast<float>().cast<double>());
+    EXPECT_EQ(trajectory.knot(i).velocity, state.velocity.cast<float>().cast<double>());
+    EXPECT_EQ(trajectory.knot(i).acceleration, state.acceleration.cast<float>().cast<double>());
+    EXPECT_EQ(trajectory.knot(i).jerk, Eigen::Vector3d::Zero());
+  }
+}
+
+TEST(TrajectoryTest, ClampsBeforeTheStartAndHoversAfterTheEnd) {
+  Rng rng(5);
+  for (int trial = 0; trial < 100; ++trial) {
+    const Trajectory trajectory = random_trajectory(rng, 1, kStart, random_state(rng, 5, 2, 5), 5);
+    SCOPED_TRACE(testing::Message() << "trial " << trial << ": " << trajectory);
+    for (std::int64_t before : {0, 1, 1000, 10'000'000}) {
+      EXPECT_EQ(trajectory.at(kStart - before).position, trajectory.knot(0).position);
+    }
+    for (std::int64_t after : {0, 1, 1000, 1'000'000'000}) {
+      const MotionState state = trajectory.at(trajectory.end_utime() + after);
+      EXPECT_EQ(state.position, trajectory.knot(trajectory.num_pieces()).position);
+      EXPECT_EQ(state.velocity, Eigen::Vector3d::Zero());
+      EXPECT_EQ(state.acceleration, Eigen::Vector3d::Zero());
+      EXPECT_EQ(state.jerk, Eigen::Vector3d::Zero());
+    }
+  }
+  const Eigen::Vector3d place(1, 2, 3);
+  const Trajectory hover = Trajectory::hover(7, kStart, place);
+  EXPECT_EQ(hover.seq(), 7);
+  EXPECT_EQ(hover.start_utime(), kStart);
+  for (std::int64_t t : {-5, 0, 50'001, 99'999, 100'000, 200'000}) {
+    EXPECT_EQ(hover.at(kStart + t).position, place);
+    EXPECT_EQ(hover.at(kStart + t).velocity, Eigen::Vector3d::Zero());
+  }
+}
+
+TEST(TrajectoryTest, IsTwiceContinuouslyDifferentiableAtTheKnots) {
+  Rng rng(6);
+  for (int trial = 0; trial < 100; ++trial) {
+    const Trajectory trajectory = random_trajectory(rng, 1, kStart, random_state(rng, 5, 2, 5), 5);
+    SCOPED_TRACE(testing::Message() << "trial " << trial << ": " << trajectory);
+    for (int i = 0; i <= trajectory.num_pieces(); ++i) {
+      const std::int64_t t = kStart + std::int64_t{i} * trajectory.piece_us();
+      const MotionState knot = trajectory.knot(i);
+      for (int side : {-1, 0, 1}) {
+        if (t + side < kStart || t + side > trajectory.end_utime()) continue;
+        const MotionState state = trajectory.at(t + side);  // a microsecond away at most
+        EXPECT_LT((state.position - knot.position - side * 1e-6 * knot.velocity).norm(), 1e-10) << i << ' ' << side;
+        EXPECT_LT((state.velocity - knot.velocity - side * 1e-6 * knot.acceleration).norm(), 1e-6) << i << ' ' << side;
+        EXPECT_LT((state.acceleration - knot.acceleration).norm(), 2e-6 * (1.0 + state.jerk.norm()))
+            << i << ' ' << side;
+      }
+    }
+  }
+}
+
+std::vector<std::int64_t> knot_times(const Trajectory& trajectory) {
+  std::vector<std::int64_t> times;
+  for (int i = 0; i <= trajectory.num_pieces(); ++i) {
+    times.push_back(trajectory.start_utime() + std::int64_t{i} * trajectory.piece_us());
+  }
+  return times;
+}
+
+TEST(MotionTest, NextKnotAfterListsExactlyTheKnotsInForce) {
+  Rng rng(7);
+  EXPECT_EQ(Trajectory().next_knot_after(kStart), kNever);
+  for (int trial = 0; trial < 200; ++trial) {
+    const Motion motion = random_motion(rng, kStart, 3);
+    SCOPED_TRACE(testing::Message() << "trial " << trial << ", " << motion);
+    std::vector<std::int64_t> knots = knot_times(motion.committed);
+    if (!motion.next.empty()) {
+      const std::int64_t leave = motion.next.start_utime();
+      std::erase_if(knots, [&](std::int64_t t) { return t >= leave; });
+      for (std::int64_t t : knot_times(motion.next)) knots.push_back(t);
+    }
+    knots.push_back(kNever);
+    EXPECT_EQ(motion.end_utime(), *(knots.rbegin() + 1));
+    std::vector<std::int64_t> queries;
+    for (std::int64_t t : knots) {
+      if (t != kNever) queries.insert(queries.end(), {t - 1, t, t + 1});
+    }
+    for (int i = 0; i < 50; ++i) queries.push_back(kStart + uniform_int(rng, -500'000, 9'000'000));
+    for (std::int64_t t : queries) {
+      ASSERT_EQ(motion.next_knot_after(t), *std::upper_bound(knots.begin(), knots.end() - 1, t)) << t - kStart;
+    }
+  }
+}
+
+TEST(MotionTest, SwitchesToNextExactlyAtItsStart) {
+  Rng rng(8);
+  for (int trial = 0; trial < 100; ++trial) {
+    Motion motion;
+    motion.committed = random_trajectory(rng, 1, kStart, random_state(rng, 3, 1, 3), 3);
+    const std::int64_t leave = kStart + uniform_int(rng, 0, 3'000'000);
+    motion.next = random_trajectory(rng, 2, leave, random_state(rng, 3, 1, 3), 3);  // elsewhere, to tell them apart
+    for (int i = 0; i < 50; ++i) {
+      const std::int64_t t = i < 3 ? leave - 1 + i : kStart + uniform_int(rng, -100'000, 5'000'000);
+      const Trajectory& in_force = t >= leave ? motion.next : motion.committed;
+      ASSERT_EQ(motion.at(t).position, in_force.at(t).position) << t - leave << " us after the switch\n" << motion;
+    }
+  }
+}
+
+TEST(MotionTest, ControlPointsBetweenReproduceTheMotion) {
+  Rng rng(9);
+  for (int trial = 0; trial < 200; ++trial) {
+    const Motion motion = random_motion(rng, kStart, 3);
+    SCOPED_TRACE(testing::Message() << "trial " << trial << ", " << motion);
+    const std::int64_t end = motion.end_utime() + 300'000;
+    for (std::int64_t from = kStart; from < end;) {
+      const std::int64_t knot = std::min(motion.next_knot_after(from), end);
+      const std::int64_t to =
+          uniform_int(rng, 0, 2) == 0 ? knot : from + 1 + (knot - from) * uniform_int(rng, 1, 9) / 10;
+      const std::int64_t stop = std::min(to, knot);
+      const ControlPoints points = control_points_between(motion, from, stop);
+      for (int i = 0; i < 8; ++i) {
+        const std::int64_t t = from + (stop - from) * i / 8;  // not the right end: there `next` may begin
+        const double s = static_cast<double>(t - from) / static_cast<double>(stop - from);
+        ASSERT_LT((evaluate_bezier(points, 1e-6 * static_cast<double>(stop - from), s).position - motion.at(t).position)
+                      .norm(),
+                  1e-9)
+            << "at " << t - kStart << " in [" << from - kStart << ", " << stop - kStart << "]";
+      }
+      ASSERT_LT((points.col(5) - motion.at(stop).position).norm(), 1e-6);  // float knots
+      from = stop;
+    }
+  }
+}
+
+TEST(TrajectoryTest, PartsOfAQuinticAreTheSameCurve) {
+  Rng rng(12);
+  for (int trial = 0; trial < 200; ++trial) {
+    const ControlPoints whole =
+        quintic_control_points(random_state(rng, 10, 3, 8), random_state(rng, 10, 3, 8), uniform(rng, 0.05, 2.0));
+    const double from = trial % 4 == 0 ? 0.0 : uniform(rng, 0.0, 0.9);
+    const double to = trial % 3 == 0 ? 1.0 : uniform(rng, from + 0.01, 1.0);
+    const ControlPoints part = part_of(whole, from, to);
+    for (int i = 0; i <= 10; ++i) {
+      const double s = 0.1 * i;
+      ASSERT_LT((bezier_position(part, s) - bezier_position(whole, from + s * (to - from))).norm(), 1e-9)
+          << "trial " << trial << ", [" << from << ", " << to << "] at " << s;
+    }
+  }
+}
+
+// A `next` that does not continue `committed` shows whether an interval up to the switch looks past it.
+TEST(MotionTest, ControlPointsUpToTheSwitchBelongToCommitted) {
+  Rng rng(10);
+  for (int trial = 0; trial < 50; ++trial) {
+    Motion motion;
+    motion.committed = random_trajectory(rng, 1, kStart, random_state(rng, 3, 1, 3), 3);
+    const std::int64_t leave = kStart + uniform_int(rng, 1, 99'999);  // in the first piece
+    motion.next = random_trajectory(rng, 2, leave, random_state(rng, 3, 1, 3), 3);
+    const ControlPoints before = control_points_between(motion, kStart, leave);
+    const ControlPoints after = control_points_between(motion, leave, leave + 1000);
+    EXPECT_EQ(before.col(5), motion.committed.at(leave).position) << motion;
+    EXPECT_EQ(after.col(0), motion.next.knot(0).position) << motion;
+  }
+}
+
+}  // namespace
+}  // namespace swarm

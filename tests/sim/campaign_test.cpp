@@ -1,0 +1,245 @@
+// Campaigns: rows, resuming, shards, lists of worlds; and a small fixed campaign whose success rate is held.
+#include "swarm_sim/campaign/campaign.h"
+
+#include <zlib.h>
+
+#include <set>
+
+#include "swarm_sim/results/csv.h"
+#include "swarm_sim/world/world_generator.h"
+#include "swarm_sim/world/world_json.h"
+#include "swarm_sim/world/world_list.h"
+#include "tests/support/harness.h"
+
+namespace swarm::test {
+namespace {
+
+namespace fs = std::filesystem;
+using Cells = std::vector<std::string>;
+
+TEST(Csv, RoundTripsAnyCells) {
+  for (const Cells& cells : {Cells{""}, Cells{"", ""}, Cells{"a", "b c"}, Cells{"a,b", "\"", "say \"x\", y", "'"}})
+    EXPECT_EQ(csv_cells(csv_line(cells)), cells);
+  EXPECT_EQ(csv_line({"a,b", "c\"d", "e"}), "\"a,b\",\"c\"\"d\",e");
+  EXPECT_THROW(csv_line({"two\nlines"}), std::invalid_argument);
+  EXPECT_THROW(csv_cells("\"open"), std::invalid_argument);
+}
+
+World small_world(int seed) {
+  return make_world(Task::kCircle, Environment::kPure, 1, static_cast<std::uint64_t>(seed),
+                    {.robots = 2, .circle_m = 1.5});
+}
+
+std::string one_line(const World& world) {
+  std::string text = to_json_text(world, "");
+  std::erase(text, '\n');
+  return text;
+}
+
+fs::path write_gzip(const fs::path& path, const std::string& text) {
+  const gzFile out = gzopen(path.c_str(), "wb");
+  gzwrite(out, text.data(), static_cast<unsigned>(text.size()));
+  gzclose(out);
+  return path;
+}
+
+TEST(WorldList, ReadsPlainAndCompressedLines) {
+  TemporaryDirectory directory;
+  const std::string text = one_line(small_world(1)) + "\n\n" + one_line(small_world(2));
+  for (const fs::path& list : {write_text(directory / "w.jsonl", text), write_gzip(directory / "w.jsonl.gz", text)}) {
+    const auto lines = read_world_lines(list);
+    ASSERT_EQ(lines.size(), 2u);
+    EXPECT_EQ(lines[1].number, 3);
+    EXPECT_EQ(read_listed_world(list.string() + ":1"), small_world(1));
+    EXPECT_EQ(read_listed_world(list.string() + ":3"), small_world(2));
+    EXPECT_THROW(read_listed_world(list.string() + ":2"), WorldError);
+    EXPECT_THROW(read_listed_world(list.string() + ":0"), WorldError);
+  }
+  EXPECT_THROW(read_world_lines(directory / "none.jsonl"), WorldError);
+  EXPECT_THROW(read_world_lines(directory.path()), WorldError);
+  EXPECT_THROW(read_world_lines(write_text(directory / "empty.jsonl", "\n \n")), WorldError);
+  const std::string whole = read_text(directory / "w.jsonl.gz");
+  EXPECT_THROW(read_world_lines(write_text(directory / "torn.jsonl.gz", whole.substr(0, whole.size() / 2))),
+               WorldError);
+}
+
+class Campaign : public testing::Test {
+ protected:
+  Campaign() {
+    write_text(list_, one_line(small_world(1)) + "\n" + one_line(small_world(2)) + "\n" + one_line(small_world(3)));
+  }
+  Finished run(Cells more) const {
+    Cells words = {"swarm_sim", "campaign", "--worlds", list_};
+    words.insert(words.end(), more.begin(), more.end());
+    return run_program(words, 60);
+  }
+  static std::set<std::string> trials(const fs::path& path) {
+    std::set<std::string> names;
+    for (const TrialRow& row : read_results(path)) EXPECT_TRUE(names.insert(cell(row, "trial")).second);
+    return names;
+  }
+  TemporaryDirectory directory_;
+  fs::path list_ = directory_ / "small.jsonl", out_ = directory_ / "results.csv";
+};
+
+TEST_F(Campaign, ShardsCoverAllTrialsOnceAndMerge) {
+  const fs::path a = directory_ / "a.csv", b = directory_ / "b.csv";
+  EXPECT_EQ(run({"--shard", "1/2", "--out", a}).exit_code, 0);
+  EXPECT_EQ(run({"--shard", "2/2", "--out", b}).exit_code, 0);
+  EXPECT_EQ(trials(a), (std::set<std::string>{list_.string() + ":1", list_.string() + ":3"}));
+  EXPECT_EQ(trials(b), (std::set<std::string>{list_.string() + ":2"}));
+  const Finished merged = run_program({"swarm_sim", "merge", b, a, a, "-o", out_});
+  EXPECT_EQ(merged.exit_code, 0) << merged.err;
+  EXPECT_NE(merged.out.find("circle pure 1"), std::string::npos) << merged.out;
+  const auto rows = read_results(out_);
+  ASSERT_EQ(rows.size(), 3u);
+  for (std::size_t i = 0; i < 3; ++i) {
+    EXPECT_EQ(cell(rows[i], "trial"), list_.string() + ":" + std::to_string(i + 1));
+    EXPECT_EQ(cell(rows[i], "outcome"), "success");
+    EXPECT_EQ(cell(rows[i], "task"), "circle");
+    EXPECT_EQ(cell(rows[i], "env"), "pure");
+    EXPECT_EQ(cell(rows[i], "obstacles"), "1");
+    EXPECT_EQ(cell(rows[i], "seed"), std::to_string(i + 1));
+    EXPECT_GT(std::stod(cell(rows[i], "last_arrival_s")), 1.0);
+    EXPECT_LE(std::stod(cell(rows[i], "max_speed_ratio")), 1.01);
+    EXPECT_LE(std::stod(cell(rows[i], "max_acceleration_ratio")), 1.01);
+    EXPECT_LT(std::stod(cell(rows[i], "max_position_jump_m")), 1e-3);
+    EXPECT_GT(std::stod(cell(rows[i], "total_p50_ms")), 0.0);
+    EXPECT_GT(std::stod(cell(rows[i], "map_p50_ms")), 0.0);
+    EXPECT_EQ(cell(rows[i], "command"), "swarm_sim run " + cell(rows[i], "trial") + " --out trial");
+  }
+  // Files that disagree about a trial are not joined.
+  std::string other = read_text(a);
+  other.replace(other.find(",success,"), 9, ",timeout,");
+  write_text(b, other);
+  const Finished refused = run_program({"swarm_sim", "merge", a, b, "-o", directory_ / "no.csv"});
+  EXPECT_EQ(refused.exit_code, 2);
+  EXPECT_NE(refused.err.find("outcome 'timeout' must be 'success'"), std::string::npos) << refused.err;
+  EXPECT_FALSE(fs::exists(directory_ / "no.csv"));
+}
+
+TEST_F(Campaign, GoesOnWhereItWasAfterATornLine) {
+  ASSERT_EQ(run({"--out", out_, "--jobs", "1"}).exit_code, 0);
+  const std::string whole = read_text(out_);
+  const std::size_t second = whole.find('\n', whole.find('\n') + 1) + 1;
+  write_text(out_, whole.substr(0, second + 40));  // header, a row, a torn row
+  const Finished resumed = run({"--out", out_});
+  EXPECT_EQ(resumed.exit_code, 0) << resumed.err;
+  EXPECT_NE(resumed.err.find("3 trials, 1 of them already"), std::string::npos) << resumed.err;
+  EXPECT_EQ(read_text(out_).substr(0, second), whole.substr(0, second));
+  EXPECT_EQ(trials(out_).size(), 3u);
+  const std::string done = read_text(out_);
+  EXPECT_EQ(run({"--out", out_}).exit_code, 0);  // nothing left to fly
+  EXPECT_EQ(read_text(out_), done);
+}
+
+TEST_F(Campaign, TheReportSaysTheSameAsTheResults) {
+  const std::string report = std::string(SWARM_SOURCE_DIR) + "/tools/report";
+  ASSERT_EQ(run({"--out", out_}).exit_code, 0);
+  std::string results = read_text(out_);
+  const std::size_t at = results.rfind(",success,,");
+  results.replace(at, 10, ",collision,robot 1-robot 0@3.00,");
+  write_text(out_, results);
+  const Finished drawn = run_program({report, out_}, 60);
+  ASSERT_EQ(drawn.exit_code, 0) << drawn.err;
+  const std::string page = read_text(directory_ / "results" / "report.html");
+  EXPECT_NE(page.find("<h1>3 flights, 66.7 % success</h1>"), std::string::npos);
+  EXPECT_NE(page.find("1 failures"), std::string::npos);
+  EXPECT_NE(page.find("robot 1-robot 0@3.00"), std::string::npos);
+  EXPECT_NE(page.find("swarm_sim run " + list_.string() + ":"), std::string::npos);
+  EXPECT_EQ(page.find("src="), std::string::npos) << "must be self-contained";
+  std::size_t figure = 0;
+  for (const char* name : {"success", "flight_time", "planning_time"}) {
+    EXPECT_GT(fs::file_size(directory_ / "results" / (std::string(name) + ".png")), 5000u);
+    figure = page.find("<figure>", figure + 1);
+    ASSERT_NE(figure, std::string::npos) << name;
+    EXPECT_LT(page.find("<svg", figure), page.find("</figure>", figure)) << name;
+  }
+  write_text(out_, results.replace(results.find("obstacles"), 9, "obstacle_"));
+  const Finished refused = run_program({report, out_, "--out", directory_ / "none"}, 60);
+  EXPECT_EQ(refused.exit_code, 2);
+  EXPECT_NE(refused.err.find("results.csv: line 1: column obstacles is missing"), std::string::npos) << refused.err;
+  EXPECT_EQ(run_program({report}).exit_code, 2);
+  EXPECT_EQ(run_program({report, directory_ / "none.csv"}).exit_code, 2);
+}
+
+TEST_F(Campaign, TheRowsCommandRepeatsTheTrial) {
+  ASSERT_EQ(run({"--out", out_, "--time-limit", "1.5"}).exit_code, 0);
+  const auto rows = read_results(out_);
+  EXPECT_EQ(cell(rows[0], "outcome"), "timeout");
+  const std::string command = cell(rows[0], "command");
+  EXPECT_NE(command.find(" --time-limit 1.5"), std::string::npos) << command;
+  Cells words;
+  std::istringstream in(command);
+  for (std::string word; in >> word;) words.push_back(word);
+  words[4] = directory_ / "trial";
+  EXPECT_EQ(run_program(words).exit_code, 1);
+  EXPECT_TRUE(fs::exists(directory_ / "trial" / "report.json"));
+}
+
+TEST_F(Campaign, BadInputIsRefusedAndNothingIsTouched) {
+  const auto expect = [&](const Cells& options, const Cells& texts) {
+    const Finished finished = run(options);
+    EXPECT_EQ(finished.exit_code, 2);
+    EXPECT_EQ(std::count(finished.err.begin(), finished.err.end(), '\n'), 1) << finished.err;
+    for (const std::string& text : texts) EXPECT_NE(finished.err.find(text), std::string::npos) << finished.err;
+  };
+  expect({}, {"out", "must be given"});
+  expect({"--out", out_, "--shard", "0/2"}, {"shard", "'0/2' must be i/n"});
+  expect({"--out", out_, "--shard", "3/2"}, {"shard", "'3/2' must be i/n"});
+  expect({"--out", out_, "--shard", "1/2x"}, {"shard", "'1/2x' must be i/n"});
+  expect({"--out", out_, "--jobs", "-1"}, {"--jobs -1"});
+  expect({"--out", directory_ / "none" / "r.csv"}, {"r.csv", "cannot be written"});
+  EXPECT_FALSE(fs::exists(out_));
+  write_text(out_, "t,robot,x\n0,0,1\n");
+  expect({"--out", out_}, {"results.csv", "line 1", "columns"});
+  EXPECT_EQ(read_text(out_), "t,robot,x\n0,0,1\n");
+  write_text(out_, "not a results file");
+  expect({"--out", out_}, {"results.csv", "line 1", "columns"});
+  EXPECT_EQ(read_text(out_), "not a results file");
+  write_text(list_, "{\"name\": 1}");
+  fs::remove(out_);
+  expect({"--out", out_}, {list_.string() + ":1", "name"});
+  const Finished tasks = run_program({"swarm_sim", "campaign", "--tasks", "cross,sideways", "--out", out_}, 10);
+  EXPECT_EQ(tasks.exit_code, 2);
+  EXPECT_NE(tasks.err.find("sideways"), std::string::npos) << tasks.err;
+  EXPECT_FALSE(fs::exists(out_));
+}
+
+TEST_F(Campaign, OtherOptionsDoNotMixWithResultsAlreadyThere) {
+  ASSERT_EQ(run({"--out", out_}).exit_code, 0);
+  const Finished mixed = run({"--out", out_, "--sensor-rate", "10"});
+  EXPECT_EQ(mixed.exit_code, 2);
+  EXPECT_NE(mixed.err.find("was flown with other options"), std::string::npos) << mixed.err;
+}
+
+// The planner's success among many obstacles: a regression shows here before a long campaign does.
+TEST(CampaignSuccess, ASmallFixedCampaignSucceeds) {
+  TemporaryDirectory directory;
+  std::vector<Trial> trials;
+  for (const char* task : {"cross", "bilateral", "unilateral"}) {
+    for (const char* environment : {"pure", "mixed"}) {
+      for (int seed : {501, 502}) trials.push_back(seeded_trial(task, environment, 30, seed));
+    }
+  }
+  ResultsFile results(directory / "results.csv");
+  ASSERT_TRUE(fly_campaign(
+      trials, {}, 2, results, [] { return true; }, [](const TrialRow&) {}));
+  int successes = 0;
+  double last_s = 0.0;
+  for (const TrialRow& row : results.rows()) {
+    EXPECT_EQ(cell(row, "touches").find("-robot "), std::string::npos) << cell(row, "trial");
+    EXPECT_LE(std::stod(cell(row, "max_speed_ratio")), 1.01);
+    EXPECT_LE(std::stod(cell(row, "max_acceleration_ratio")), 1.01);
+    EXPECT_LT(std::stod(cell(row, "max_position_jump_m")), 1e-3);
+    if (cell(row, "outcome") != "success") continue;
+    ++successes;
+    last_s += std::stod(cell(row, "last_arrival_s"));
+  }
+  EXPECT_EQ(results.rows().size(), 12u);
+  EXPECT_GE(successes, 11) << campaign_table(results.rows());
+  EXPECT_LT(last_s / successes, 9.8) << campaign_table(results.rows());
+}
+
+}  // namespace
+}  // namespace swarm::test

@@ -1,0 +1,142 @@
+// The audit of committed motions: what it must find, what it must not, and logs of flights.
+#include "swarm_sim/results/commit_audit.h"
+
+#include <gtest/gtest.h>
+
+#include "lcmtypes/bus/channels.h"
+#include "swarm_sim/hosts/lockstep.h"
+#include "swarm_sim/world/world_generator.h"
+#include "tests/support/harness.h"
+
+namespace swarm::test {
+namespace {
+
+using sogm_swarm::ack_t;
+using sogm_swarm::announcement_t;
+
+Bytes announcement(int robot, std::int64_t seq, const Trajectory& committed, const Trajectory& pending = {},
+                   std::int8_t state = announcement_t::kNone, std::int32_t boot = 1, std::int32_t forced_seq = 0) {
+  announcement_t message{};
+  message.header = make_header(robot, boot, seq, kStart_us + seq * 1000);
+  message.radius = 0.2f;
+  message.committed = committed.to_wire();
+  message.pending = pending.to_wire();
+  message.pending_state = state;
+  message.forced_seq = forced_seq;
+  message.num_acks = 2;
+  message.acks = {{-1, 0, ack_t::kNone}, {-1, 0, ack_t::kNone}};
+  return encoded(message);
+}
+
+const Trajectory kHover0 = Trajectory::hover(1, kStart_us, {0, 0, 1}),
+                 kHover1 = Trajectory::hover(1, kStart_us, {2, 0, 1});
+
+Trajectory flight(const Trajectory& from, const Eigen::Vector3d& to) {
+  return quintic_to(from.at(kStart_us), kStart_us + 100'000, to, 1.0, 2, 2);
+}
+
+TEST(CommitAudit, FindsWhatMeetsOnceItIsCommitted) {
+  const Trajectory into = flight(kHover0, {1.61, 0, 1}), beside = flight(kHover0, {1.59, 0, 1});
+  CommitAudit audit;
+  audit.hear(announcement(0, 0, kHover0));
+  audit.hear(announcement(1, 0, kHover1));
+  audit.hear(announcement(0, 1, kHover0, into, announcement_t::kAnnounced));
+  EXPECT_TRUE(audit.conflicts().empty());  // only announced
+  audit.hear(announcement(0, 3, kHover0, beside, announcement_t::kCommitted));
+  EXPECT_TRUE(audit.conflicts().empty());
+  EXPECT_EQ(audit.motions(), 3);
+  audit.hear(announcement(0, 2, kHover0, into, announcement_t::kCommitted));  // older than what is known
+  EXPECT_TRUE(audit.conflicts().empty());
+  audit.hear(announcement(1, 1, flight(kHover1, {1.9, 0, 1})));  // into the other's hover tail
+  ASSERT_EQ(audit.conflicts().size(), 1u);
+  EXPECT_EQ(audit.conflicts()[0].robot, 1);
+  EXPECT_EQ(audit.conflicts()[0].other, 0);
+  EXPECT_EQ(audit.conflicts()[0].other_seq, 2);
+  audit.hear(Bytes{1, 2, 3});
+  EXPECT_EQ(audit.motions(), 4);
+}
+
+TEST(CommitAudit, ARestartThatCountsFromTheBeginningIsAudited) {
+  CommitAudit audit;
+  audit.hear(announcement(0, 0, kHover0));
+  audit.hear(announcement(1, 5, kHover1));
+  audit.hear(announcement(1, 0, Trajectory::hover(1, kStart_us, {0.3, 0, 1}), {}, announcement_t::kNone, 2));
+  EXPECT_EQ(audit.conflicts().size(), 1u);
+}
+
+// Forced ones are conflicts like others, and said to be forced, also once they are flown.
+TEST(CommitAudit, WhatWasForcedIsTold) {
+  CommitAudit audit;
+  const Trajectory hop = flight(kHover1, {0.3, 0, 1});
+  audit.hear(announcement(1, 0, kHover1));
+  audit.hear(announcement(1, 1, kHover1, hop, announcement_t::kCommitted, 1, 2));
+  audit.hear(announcement(1, 2, hop, {}, announcement_t::kNone, 1, 2));
+  EXPECT_EQ(audit.motions(), 2);
+  EXPECT_EQ(audit.forced(), 1);
+  audit.hear(announcement(0, 0, kHover0));
+  ASSERT_EQ(audit.conflicts().size(), 1u);
+  EXPECT_TRUE(audit.conflicts()[0].forced);
+  audit.hear(announcement(0, 6'000, Trajectory::hover(2, kStart_us, {0.1, 0, 1})));
+  ASSERT_EQ(audit.conflicts().size(), 2u);
+  EXPECT_FALSE(audit.conflicts()[1].forced);  // long after: that is no excuse
+  audit.hear(announcement(1, 0, hop, {}, announcement_t::kNone, 2, 2));
+  EXPECT_EQ(audit.forced(), 1);  // kept over a restart, not forced again
+}
+
+// Where clocks differ, motions are compared at the same moments.
+TEST(CommitAudit, TimesAreSetBackByTheClocksOffset) {
+  for (const std::int64_t offset_us : {0, 400'000}) {
+    CommitAudit audit;  // one after the other through the same place; by the second's clock, at once
+    const Trajectory first = flight(Trajectory::hover(1, kStart_us, {-2, 0, 1}), {2, 0, 1});
+    Trajectory second = flight(Trajectory::hover(1, kStart_us, {0, -2, 1}), {0, 2, 1});
+    second.shift(400'000);
+    audit.hear(announcement(0, 0, first));
+    audit.hear(announcement(1, 0, second), offset_us);
+    EXPECT_EQ(audit.conflicts().size(), offset_us == 0 ? 0u : 1u);
+  }
+}
+
+TEST(CommitAudit, ALogOfAFlightOverABadLinkIsClean) {
+  const TemporaryDirectory directory;
+  const World world = make_world(Task::kCircle, Environment::kEmpty, 0, 3, {.robots = 4, .circle_m = 2.5});
+  FlightOptions options;
+  options.link.delay_ms = 100;
+  options.link.jitter_ms = 50;
+  options.link.loss = 0.3;
+  BusLog logs(directory.path(), {0, 1, 2, 3});
+  const RunReport report = run_lockstep(world, nullptr, options, {}, &logs, nullptr, nullptr);
+  logs.close();
+  EXPECT_EQ(report.outcome, Outcome::kSuccess) << summary_table(report);
+  EXPECT_EQ(report.commit_conflicts, 0);
+  const CommitAudit audit = audit_log(directory.path() / "swarm.lcm");
+  EXPECT_EQ(audit.robots(), 4);
+  EXPECT_GT(audit.motions(), 20);
+  EXPECT_TRUE(audit.conflicts().empty());
+
+  const auto audited = [&](const std::string& log) {
+    return run_program({"swarm_sim", "audit", (directory.path() / log).string()});
+  };
+  const Finished clean = audited("swarm.lcm");
+  EXPECT_EQ(clean.exit_code, 0) << clean.err;
+  EXPECT_NE(
+      clean.out.find("4 robots, " + std::to_string(audit.motions()) + " committed motions (0 forced), 0 conflicts"),
+      std::string::npos)
+      << clean.out;
+  EXPECT_EQ(audited("robot0.lcm").exit_code, 2);  // no announcements
+  EXPECT_EQ(audited("none.lcm").exit_code, 2);
+  EXPECT_EQ(run_program({"swarm_sim", "audit", "--none"}).exit_code, 2);
+}
+
+TEST(CommitAudit, ConflictsInALogAreNamed) {
+  const TemporaryDirectory directory;
+  BusLog logs(directory.path(), {0, 1});
+  logs.write(BusId::kSwarm, 0, kStart_us, channel::kTrajectory, announcement(0, 0, kHover0));
+  logs.write(BusId::kSwarm, 0, kStart_us, channel::kTrajectory, announcement(1, 1, flight(kHover1, {0.3, 0, 1})));
+  logs.close();
+  const Finished found = run_program({"swarm_sim", "audit", (directory.path() / "swarm.lcm").string()});
+  EXPECT_EQ(found.exit_code, 1);
+  EXPECT_NE(found.out.find("robot 1 (trajectory 2) and robot 0 (trajectory 1)"), std::string::npos) << found.out;
+}
+
+}  // namespace
+}  // namespace swarm::test

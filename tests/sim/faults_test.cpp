@@ -1,0 +1,96 @@
+// Daemons that crash in flight: how it is asked for, and that the swarm gets over it.
+#include "swarm_sim/environment/faults.h"
+
+#include <gtest/gtest.h>
+
+#include "lcmtypes/bus/option_set.h"
+#include "swarm_sim/hosts/lockstep.h"
+#include "swarm_sim/world/world_generator.h"
+#include "tests/support/harness.h"
+
+namespace swarm::test {
+namespace {
+
+TEST(Faults, KillsAreRead) {
+  EXPECT_TRUE(parse_kills("").empty());
+  const std::vector<Kill> kills = parse_kills("planner:2@4.5,broadcast:0@1-3,map:11@0");
+  ASSERT_EQ(kills.size(), 3u);
+  EXPECT_STREQ(kDaemons[kills[0].daemon], "planner");
+  EXPECT_EQ(kills[0].robot_id, 2);
+  EXPECT_EQ(kills[0].at_s, 4.5);
+  EXPECT_EQ(kills[0].back_s, 4.6);
+  EXPECT_STREQ(kDaemons[kills[1].daemon], "broadcast");
+  EXPECT_EQ(kills[1].back_s, 3.0);
+  EXPECT_STREQ(kDaemons[kills[2].daemon], "map");
+  EXPECT_EQ(kills[2].robot_id, 11);
+}
+
+TEST(Faults, KillsThatMakeNoSenseAreRefused) {
+  for (const char* text :
+       {"planner", "planner:1", "planner@1", "planner:1@", "plan:1@2", "planner:x@2", "planner:1@2-1", "planner:1@2-2",
+        "planner:1@-2", "planner:1@1-2-3", "planner:1@2,", "planner:1@2@3", "planner:1:2@3", "planner:1@nan"}) {
+    SCOPED_TRACE(text);
+    EXPECT_THROW((void)parse_kills(text), OptionError);
+  }
+}
+
+RunReport fly(const std::string& kills, double delay_ms = 0.0) {
+  FlightOptions options;
+  options.kills = parse_kills(kills);
+  options.link.delay_ms = delay_ms;
+  options.link.loss = delay_ms > 0.0 ? 0.2 : 0.0;
+  const World world = make_world(Task::kCross, Environment::kMixed, 20, 7);
+  return run_lockstep(world, nullptr, options, {}, nullptr, nullptr, nullptr);
+}
+
+TEST(Faults, EveryDaemonMayCrashOnce) {
+  for (const char* daemon : kDaemons) {
+    for (const double delay_ms : kSanitized ? std::vector{100.0} : std::vector{0.0, 100.0}) {
+      SCOPED_TRACE(testing::Message() << daemon << ", " << delay_ms << " ms");
+      std::string kills;
+      for (int robot = 0; robot < 4; ++robot)
+        kills += (robot > 0 ? "," : "") + std::string(daemon) + ":" + std::to_string(robot) + "@" +
+                 std::to_string(2 + robot);
+      const RunReport report = fly(kills, delay_ms);
+      EXPECT_EQ(report.outcome, Outcome::kSuccess) << summary_table(report);
+      EXPECT_EQ(report.commit_conflicts, 0);
+    }
+  }
+}
+
+// Three seconds without: the robot flies to the end of what it announced and waits there, the others pass.
+TEST(Faults, WhoeverIsDownWaitsWhereItPromisedTo) {
+  const double usual_s = *fly("").robots[1].verdict.flight_time_s;
+  for (const char* daemon : kDaemons) {
+    SCOPED_TRACE(daemon);
+    const RunReport report = fly(std::string(daemon) + ":1@3-6");
+    EXPECT_TRUE(report.touches.empty()) << summary_table(report);
+    EXPECT_EQ(report.commit_conflicts, 0);
+    EXPECT_EQ(report.outcome, Outcome::kSuccess) << summary_table(report);
+    EXPECT_GT(report.robots[1].verdict.flight_time_s.value_or(0.0), usual_s + 0.8);
+    if (std::string(daemon) == "broadcast") continue;  // the planner goes on, without an answer
+    EXPECT_LT(report.robots[1].plans, report.robots[0].plans - 30);
+  }
+}
+
+// The robots wait for a silent one, an obstacle comes: they get out of its way without its word.
+TEST(Faults, WhoeverWaitsForASilentPeerIsNotHit) {
+  std::int64_t forced = 0;
+  for (int seed = 3; seed <= (kSanitized ? 4 : 8); ++seed) {
+    FlightOptions options;
+    options.link.outages = parse_outages("0:3:9");
+    const World world = make_world(Task::kCross, Environment::kMixed, 20, static_cast<std::uint64_t>(seed));
+    const RunReport report = run_lockstep(world, nullptr, options, {}, nullptr, nullptr, nullptr);
+    EXPECT_EQ(report.outcome, Outcome::kSuccess) << summary_table(report);
+    EXPECT_EQ(report.commit_conflicts, 0);
+    forced += report.forced_commits;
+  }
+  EXPECT_GT(forced, 0);
+}
+
+TEST(Faults, KillsOfUnknownRobotsAreRefused) {
+  EXPECT_THROW((void)fly("map:9@1"), OptionError);
+}
+
+}  // namespace
+}  // namespace swarm::test

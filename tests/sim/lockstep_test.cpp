@@ -1,0 +1,287 @@
+// Whole flights in lock-step: success, the same bytes every time, logs that can be read, motions that can be flown.
+#include "swarm_sim/hosts/lockstep.h"
+
+#include <octomap/octomap.h>
+
+#include <lcm/lcm-cpp.hpp>
+#include <map>
+#include <set>
+
+#include "lcmtypes/bus/channels.h"
+#include "swarm_sim/world/world_generator.h"
+#include "tests/support/harness.h"
+
+namespace swarm::test {
+namespace {
+
+namespace fs = std::filesystem;
+
+// One line of trace.csv.
+struct Row {
+  double t_s;
+  Eigen::Vector3d position, velocity, acceleration;
+};
+
+std::map<int, std::vector<Row>> read_trace(const fs::path& path) {
+  std::map<int, std::vector<Row>> rows;
+  std::ifstream in(path);
+  std::string line;
+  std::getline(in, line);
+  EXPECT_EQ(line, "t,robot,x,y,z,vx,vy,vz,ax,ay,az");
+  while (std::getline(in, line)) {
+    std::array<double, 11> v;
+    std::istringstream cells(line);
+    std::string cell;
+    for (double& value : v) value = std::getline(cells, cell, ',') ? std::stod(cell) : NAN;
+    rows[static_cast<int>(v[1])].push_back({v[0], {v[2], v[3], v[4]}, {v[5], v[6], v[7]}, {v[8], v[9], v[10]}});
+  }
+  return rows;
+}
+
+// A flight that leaves all its files in a directory of its own.
+struct Flight {
+  explicit Flight(const World& world_in, const FlightOptions& options = {}) : world(world_in) {
+    std::vector<int> ids;
+    for (const WorldRobot& robot : world.robots) ids.push_back(robot.id);
+    BusLog logs(directory.path(), ids);
+    TraceWriter trace(directory / "trace.csv");
+    std::optional<OccupiedCubes> static_map;
+    if (!world.static_map.empty()) static_map = OccupiedCubes::load(world.static_map);
+    report = run_lockstep(world, static_map ? &*static_map : nullptr, options, {}, &logs, &trace, nullptr);
+    logs.close();
+    trace.close();
+  }
+
+  TemporaryDirectory directory;
+  World world;
+  RunReport report;
+};
+
+World circle(int robots, double radius_m, int obstacles, std::uint64_t seed) {
+  const Environment environment = obstacles == 0 ? Environment::kEmpty : Environment::kPure;
+  return make_world(Task::kCircle, environment, obstacles, seed, {.robots = robots, .circle_m = radius_m});
+}
+
+// Continuous, within the limits, from start to goal.
+void expect_flyable(const Flight& flight) {
+  const auto trace = read_trace(flight.directory / "trace.csv");
+  const double v_max = 1.01 * flight.world.speed_mps, a_max = 1.01 * flight.world.acceleration_mps2;
+  ASSERT_EQ(trace.size(), flight.world.robots.size());
+  for (const WorldRobot& robot : flight.world.robots) {
+    const std::vector<Row>& rows = trace.at(robot.id);
+    ASSERT_EQ(rows.size(), std::llround(100 * flight.report.duration_s) + 1);
+    EXPECT_LT((rows.front().position - robot.start).norm(), 1e-5);
+    double to_goal = INFINITY;  // it may have stepped aside after its arrival
+    for (const Row& row : rows) to_goal = std::min(to_goal, (row.position - robot.goal).norm());
+    EXPECT_LT(to_goal, 0.1);
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+      SCOPED_TRACE(testing::Message() << "robot " << robot.id << ", row " << i << ", " << rows[i].t_s << " s");
+      ASSERT_NEAR(rows[i].t_s, 0.01 * static_cast<double>(i), 1e-9);
+      ASSERT_LE(rows[i].velocity.cwiseAbs().maxCoeff(), v_max);
+      ASSERT_LE(rows[i].acceleration.cwiseAbs().maxCoeff(), a_max);
+      if (i == 0) continue;
+      const Row &a = rows[i - 1], &b = rows[i];
+      ASSERT_LT((b.position - a.position - 0.005 * (a.velocity + b.velocity)).norm(), 5e-5);
+      ASSERT_LT((b.velocity - a.velocity - 0.005 * (a.acceleration + b.acceleration)).norm(), 5e-3);
+      ASSERT_LT((b.acceleration - a.acceleration).norm(), 2.5);
+    }
+  }
+}
+
+// Calls `read(timestamp, channel, bytes)` for every event; times must not go back.
+void read_log(const fs::path& path,
+              const std::function<void(std::int64_t, const std::string&, std::span<const std::uint8_t>)>& read) {
+  lcm::LogFile log(path.string(), "r");
+  ASSERT_TRUE(log.good()) << path;
+  std::int64_t before = 0;
+  while (const lcm::LogEvent* event = log.readNextEvent()) {
+    ASSERT_GE(event->timestamp, before);
+    before = event->timestamp;
+    read(event->timestamp, event->channel,
+         {static_cast<const std::uint8_t*>(event->data), static_cast<std::size_t>(event->datalen)});
+  }
+}
+
+template <class T>
+void expect_message(std::span<const std::uint8_t> bytes, std::int64_t timestamp) {
+  T message;
+  const Refusal refusal = decode(bytes, &message);
+  ASSERT_EQ(refusal, Refusal::kNone) << to_string(refusal);
+  EXPECT_LE(message.header.utime, timestamp);
+  EXPECT_GT(message.header.utime, timestamp - 100'000);
+}
+
+TEST(Lockstep, FourRobotsAmongObstaclesArrive) {
+  const Flight flight(circle(4, 2.5, 4, 3));
+  EXPECT_EQ(flight.report.outcome, Outcome::kSuccess) << summary_table(flight.report);
+  EXPECT_TRUE(flight.report.touches.empty());
+  expect_flyable(flight);
+  for (const RobotReport& robot : flight.report.robots) {
+    EXPECT_TRUE(robot.verdict.flight_time_s);
+    EXPECT_GT(robot.verdict.to_obstacles.distance_m, 0.0);
+    EXPECT_GT(robot.verdict.to_robots.distance_m, 0.0);
+    EXPECT_LT(robot.verdict.to_robots.distance_m, 4.0);  // they did meet
+    EXPECT_GE(robot.plan_rate_hz, 10.0);
+    for (const std::int64_t refused : robot.refused) EXPECT_EQ(refused, 0);
+  }
+}
+
+TEST(Lockstep, TwoRobotsSwapPlacesWithoutObstacles) {
+  const Flight flight(circle(2, 2.0, 0, 1));
+  EXPECT_EQ(flight.report.outcome, Outcome::kSuccess) << summary_table(flight.report);
+  expect_flyable(flight);
+  EXPECT_LT(flight.report.duration_s, 8.0);
+  EXPECT_FALSE(std::isfinite(flight.report.robots[0].verdict.to_obstacles.distance_m));
+}
+
+TEST(Lockstep, TheSameRunGivesTheSameBytes) {
+  const World world = circle(2, 2.5, 5, 2);
+  const Flight first(world), second(world);
+  std::set<std::string> names;
+  for (const auto& entry : fs::directory_iterator(first.directory.path())) names.insert(entry.path().filename());
+  EXPECT_EQ(names, (std::set<std::string>{"robot0.lcm", "robot1.lcm", "swarm.lcm", "trace.csv"}));
+  for (const std::string& name : names) {
+    const std::string text = read_text(first.directory / name);
+    EXPECT_GT(text.size(), 10'000u) << name;
+    EXPECT_TRUE(text == read_text(second.directory / name)) << name << " differs";
+  }
+  auto json = [](RunReport report) {  // all but what the wall clock had a hand in
+    report.wall_s = 0;
+    report.planning = {};
+    report.mapping = {};
+    return to_json(report).dump();
+  };
+  EXPECT_EQ(json(first.report), json(second.report));
+}
+
+TEST(Lockstep, LogsHoldEveryMessageAndWhatWasAnnouncedIsWhatWasFlown) {
+  const Flight flight(circle(2, 2.5, 3, 4));
+  using namespace sogm_swarm;
+  const std::map<std::string, std::function<void(std::span<const std::uint8_t>, std::int64_t)>> channels = {
+      {channel::kRobotState, expect_message<robot_state_t>},
+      {channel::kObstacles, expect_message<obstacles_t>},
+      {channel::kGoal, expect_message<goal_t>},
+      {channel::kSogm, expect_message<sogm_t>},
+      {channel::kCandidate, expect_message<candidate_t>},
+      {channel::kOwnTrajectory, expect_message<announcement_t>},
+      {channel::kPeerTrajectory, expect_message<announcement_t>},
+      {channel::kSetpoint, expect_message<setpoint_t>},
+      {channel::kCorridors, expect_message<corridors_t>},
+      {channel::kMapStatus, expect_message<map_status_t>},
+      {channel::kPlannerStatus, expect_message<planner_status_t>},
+      {channel::kBroadcastStatus, expect_message<broadcast_status_t>}};
+  std::map<std::string, std::int64_t> counts;
+  for (const WorldRobot& robot : flight.world.robots) {
+    std::set<std::string> seen;
+    read_log(flight.directory / ("robot" + std::to_string(robot.id) + ".lcm"),
+             [&](std::int64_t time, const std::string& channel, std::span<const std::uint8_t> bytes) {
+               const auto check = channels.find(channel);
+               SCOPED_TRACE(channel);
+               ASSERT_NE(check, channels.end());
+               check->second(bytes, time);
+               seen.insert(channel);
+               ++counts[channel];
+             });
+    EXPECT_EQ(seen.size(), channels.size());
+  }
+  struct Announced {
+    std::int64_t time_us;
+    Motion motion;
+  };
+  std::map<int, std::vector<Announced>> announced;
+  read_log(flight.directory / "swarm.lcm", [&](std::int64_t time, const std::string& channel, auto bytes) {
+    announcement_t message;
+    ASSERT_EQ(channel, channel::kTrajectory);
+    ASSERT_EQ(decode(bytes, &message), Refusal::kNone);
+    Motion motion{Trajectory::from_wire(message.committed), {}};
+    if (message.pending_state == announcement_t::kCommitted) motion.next = Trajectory::from_wire(message.pending);
+    announced[message.header.robot_id].push_back({time, motion});
+    ++counts[channel];
+  });
+  for (const auto& [name, count] : flight.report.channels) EXPECT_EQ(counts[name], count.messages) << name;
+
+  // What a robot said last before a time tells where it is then.
+  const auto trace = read_trace(flight.directory / "trace.csv");
+  for (const auto& [robot, said] : announced) {
+    std::size_t newest = 0;
+    std::set<std::int32_t> flown;
+    for (const Row& row : trace.at(robot)) {
+      const std::int64_t time_us = 1'000'000'000'000'000 + std::llround(1e6 * row.t_s);
+      while (newest + 1 < said.size() && said[newest + 1].time_us < time_us) ++newest;
+      if (said[newest].time_us > time_us) continue;
+      const MotionState state = said[newest].motion.at(time_us);
+      flown.insert(said[newest].motion.committed.seq());
+      ASSERT_LT((state.position - row.position).norm(), 3e-6) << "robot " << robot << ", " << row.t_s << " s";
+      ASSERT_LT((state.velocity - row.velocity).norm(), 1e-4) << "robot " << robot << ", " << row.t_s << " s";
+    }
+    EXPECT_GT(flown.size(), 10u);  // plan after plan
+  }
+}
+
+TEST(Lockstep, FliesAroundTheStaticMap) {
+  TemporaryDirectory directory;
+  octomap::OcTree wall(0.1);
+  for (double y = -0.95; y < 1; y += 0.1) {
+    for (double z = 0.05; z < 4; z += 0.1)
+      wall.updateNode(octomap::point3d(0.05f, static_cast<float>(y), static_cast<float>(z)), true);
+  }
+  wall.updateInnerOccupancy();
+  ASSERT_TRUE(wall.writeBinary((directory / "wall.bt").string()));
+  World world = circle(2, 2.5, 0, 1);
+  world.static_map = directory / "wall.bt";
+  const Flight flight(world);
+  EXPECT_EQ(flight.report.outcome, Outcome::kSuccess) << summary_table(flight.report);
+  for (const RobotReport& robot : flight.report.robots) {
+    EXPECT_GT(robot.verdict.to_static_map.distance_m, 0.0);
+    EXPECT_LT(robot.verdict.to_static_map.distance_m, 1.0);
+    EXPECT_GT(robot.verdict.path_length_m, 5.3);  // 5.0 straight through
+  }
+}
+
+TEST(Lockstep, TimeLimitEndsTheRun) {
+  FlightOptions options;
+  options.time_limit_s = 1.0;
+  const Flight flight(circle(2, 3.0, 0, 1), options);
+  EXPECT_EQ(flight.report.outcome, Outcome::kTimeout);
+  EXPECT_NEAR(flight.report.duration_s, 1.0, 1e-9);
+  EXPECT_FALSE(flight.report.robots[0].verdict.flight_time_s);
+  EXPECT_GT(flight.report.robots[0].verdict.path_length_m, 0.5);  // on its way
+}
+
+TEST(Lockstep, RobotsThatNeverHearEachOtherEndInADeadlock) {
+  FlightOptions options;
+  options.link.loss = 1.0;
+  options.time_limit_s = 3.5;
+  const Flight flight(circle(2, 3.0, 0, 1), options);
+  EXPECT_EQ(flight.report.outcome, Outcome::kDeadlock) << summary_table(flight.report);
+  for (const RobotReport& robot : flight.report.robots) {
+    EXPECT_GT(robot.plans, 0);
+    EXPECT_EQ(robot.verdict.path_length_m, 0.0);  // they hover where they promised to
+  }
+}
+
+TEST(Lockstep, PlansThatComeTooLateAreBegunEarlier) {
+  FlightOptions options;
+  options.planner.lead_s = 0.005;  // less than planning and the way to the broadcast daemon take
+  EXPECT_EQ(Flight(circle(2, 3.0, 0, 1), options).report.outcome, Outcome::kSuccess);
+  options.link.delay_ms = 100;  // one way
+  EXPECT_EQ(Flight(circle(2, 3.0, 0, 1), options).report.outcome, Outcome::kSuccess);
+}
+
+TEST(Lockstep, ProgressIsReportedTenTimesASecondAndMayEndTheRun) {
+  std::vector<double> times;
+  const World world = circle(2, 3.0, 0, 1);
+  const RunReport report =
+      run_lockstep(world, nullptr, {}, {}, nullptr, nullptr, [&](double t_s, const Simulation& simulation) {
+        times.push_back(t_s);
+        EXPECT_EQ(simulation.num_robots(), 2u);
+        return t_s < 0.95;
+      });
+  ASSERT_EQ(times.size(), 11u);
+  for (std::size_t i = 0; i < times.size(); ++i) EXPECT_NEAR(times[i], 0.1 * static_cast<double>(i), 1e-9);
+  EXPECT_NEAR(report.duration_s, 1.0, 1e-9);
+  EXPECT_EQ(report.outcome, Outcome::kTimeout);
+}
+
+}  // namespace
+}  // namespace swarm::test

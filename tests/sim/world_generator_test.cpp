@@ -1,0 +1,210 @@
+// Seeded worlds of the paper's kind, and the command that writes them.
+#include "swarm_sim/world/world_generator.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <filesystem>
+#include <numbers>
+#include <random>
+
+#include "swarm_sim/world/world_json.h"
+#include "swarm_sim/world_command.h"
+#include "tests/support/harness.h"
+
+namespace swarm::test {
+namespace {
+
+namespace fs = std::filesystem;
+
+TEST(Generator, TasksHaveThePapersPositions) {
+  const auto ends = [](Task task) {
+    std::vector<std::array<double, 4>> all;
+    for (const WorldRobot& r : make_world(task, Environment::kEmpty, 0, 1).robots) {
+      EXPECT_EQ(r.start.z(), 1.0);
+      EXPECT_EQ(r.goal.z(), 1.0);
+      EXPECT_EQ(r.radius_m, 0.2);
+      EXPECT_EQ(r.id, static_cast<int>(all.size()));
+      all.push_back({r.start.x(), r.start.y(), r.goal.x(), r.goal.y()});
+    }
+    return all;
+  };
+  using Ends = std::vector<std::array<double, 4>>;
+  EXPECT_EQ(ends(Task::kCross), (Ends{{-8, 0, 8, 0}, {8, 0, -8, 0}, {0, 8, 0, -8}, {0, -8, 0, 8}}));
+  EXPECT_EQ(ends(Task::kBilateral), (Ends{{-8, 3, 8, -3}, {-8, -3, 8, 3}, {8, -3, -8, 3}, {8, 3, -8, -3}}));
+  EXPECT_EQ(ends(Task::kUnilateral), (Ends{{-8, 6, 8, -6}, {-8, 2, 8, -2}, {-8, -2, 8, 2}, {-8, -6, 8, 6}}));
+}
+
+TEST(Generator, CircleSendsEachRobotToItsAntipode) {
+  for (const auto& [n, radius] : {std::pair{2, 4.0}, {7, 8.0}, {10, 10.0}, {40, 12.5}}) {
+    const World world = make_world(Task::kCircle, Environment::kMixed, 20, 5, {.robots = n, .circle_m = radius});
+    ASSERT_EQ(world.robots.size(), static_cast<std::size_t>(n));
+    for (const WorldRobot& robot : world.robots) {
+      EXPECT_NEAR(robot.start.head<2>().norm(), radius, 2e-6);
+      EXPECT_EQ(Eigen::Vector2d(robot.goal.head<2>()), Eigen::Vector2d(-robot.start.head<2>()));
+    }
+    EXPECT_EQ(world.space.max.x(), std::max(8.0, radius + 1));
+    EXPECT_EQ(world.obstacle_bounds.max.y(), std::max(7.0, radius - 1));
+  }
+  EXPECT_THROW(make_world(Task::kCircle, Environment::kEmpty, 0, 0, {.robots = 61}), WorldError);
+  EXPECT_THROW(make_world(Task::kCircle, Environment::kEmpty, 0, 0, {.robots = 60, .circle_m = 3.0}), WorldError)
+      << "they would overlap";
+}
+
+TEST(Generator, RandomGoalsAreApartFromEachOtherAndAwayFromTheStarts) {
+  const Fleet fleet{.robots = 60, .robot_m = 0.15, .speed_mps = 1.0, .acceleration_mps2 = 2.0, .space_m = {12, 10, 4}};
+  const World world = make_world(Task::kRandom, Environment::kEmpty, 0, 5, fleet);
+  ASSERT_EQ(world.robots.size(), 60u);
+  EXPECT_EQ(world.speed_mps, 1.0);
+  EXPECT_EQ(world.acceleration_mps2, 2.0);
+  EXPECT_EQ(world.space.max, Eigen::Vector3d(6, 5, 4));
+  EXPECT_EQ(world.space.min, Eigen::Vector3d(-6, -5, 0));
+  for (const WorldRobot& robot : world.robots) {
+    EXPECT_EQ(robot.radius_m, 0.15);
+    EXPECT_GE((robot.goal - robot.start).norm(), 10.0 / 4);
+    for (const Eigen::Vector3d& place : {robot.start, robot.goal}) {
+      EXPECT_TRUE((place.array() >= world.space.min.array() + 0.3 - 1e-6).all()) << place.transpose();
+      EXPECT_TRUE((place.array() <= world.space.max.array() - 0.3 + 1e-6).all()) << place.transpose();
+    }
+    for (const WorldRobot& other : world.robots) {
+      if (&other == &robot) break;
+      EXPECT_GE((robot.start - other.start).norm(), 0.6);
+      EXPECT_GE((robot.goal - other.goal).norm(), 0.6);
+    }
+  }
+  EXPECT_EQ(world, make_world(Task::kRandom, Environment::kEmpty, 0, 5, fleet));
+  EXPECT_FALSE(world == make_world(Task::kRandom, Environment::kEmpty, 0, 6, fleet));
+  EXPECT_THROW(make_world(Task::kRandom, Environment::kEmpty, 0, 1, {.robots = 60, .space_m = {2, 2, 1}}), WorldError);
+  EXPECT_THROW(make_world(Task::kRandom, Environment::kEmpty, 0, 1, {.space_m = {0.5, 5, 5}}), WorldError);
+  EXPECT_THROW(make_world(Task::kRandom, Environment::kEmpty, 0, 1, {.circle_m = 5}), WorldError);
+  EXPECT_THROW(make_world(Task::kCross, Environment::kEmpty, 0, 1, {.robots = 5}), WorldError);
+}
+
+// Collects values that should be uniform on [low, high].
+struct Uniformity {
+  double low, high;
+  double smallest = 1e9, largest = -1e9, sum = 0;
+  int count = 0;
+  void add(double value) {
+    smallest = std::min(smallest, value), largest = std::max(largest, value), sum += value, ++count;
+  }
+  void check(const char* what) const {
+    const double width = high - low, sigma = width / std::sqrt(12.0 * count);
+    EXPECT_GE(smallest, low) << what;
+    EXPECT_LE(largest, high) << what;
+    EXPECT_LT(smallest, low + 0.01 * width) << what;
+    EXPECT_GT(largest, high - 0.01 * width) << what;
+    EXPECT_NEAR(sum / count, 0.5 * (low + high), 4 * sigma) << what;
+  }
+};
+
+TEST(Generator, DrawsThePapersRanges) {
+  Uniformity diameter{0.5, 1.0}, radius{0.7, 2.5}, height{0.8, 2.0}, yaw{0, std::numbers::pi}, speed{0, 1 + 1e-6},
+      heading{-std::numbers::pi, std::numbers::pi}, x{-7, 7}, y{-7, 7};
+  for (int seed = 0; seed < 100; ++seed) {
+    const World world = make_world(Task::kCross, Environment::kMixed, 51, static_cast<std::uint64_t>(seed));
+    int rings = 0;
+    for (const WorldObstacle& o : world.obstacles) {
+      if (o.shape.kind == Shape::Kind::kRing) {
+        ++rings;
+        radius.add(o.shape.size.x());
+        EXPECT_EQ(o.shape.size.y(), 0.1);
+        height.add(o.center.z());
+        yaw.add(o.shape.yaw_rad);
+      } else {
+        ASSERT_EQ(o.shape.kind, Shape::Kind::kColumn);
+        diameter.add(o.shape.size.x());
+        EXPECT_EQ(o.shape.size.y(), 4.0);
+        EXPECT_EQ(o.center.z(), 2.0);
+      }
+      speed.add(o.velocity_mps.norm());
+      heading.add(std::atan2(o.velocity_mps.y(), o.velocity_mps.x()));
+      x.add(o.center.x());
+      y.add(o.center.y());
+      for (const WorldRobot& robot : world.robots)
+        ASSERT_GE(distance(o.shape, robot.start - o.center) - robot.radius_m, 0.7) << "seed " << seed;
+    }
+    EXPECT_EQ(rings, 25);
+    EXPECT_EQ(world.obstacles.size(), 51u);
+  }
+  diameter.check("diameter"), radius.check("ring radius"), height.check("ring height"), yaw.check("yaw"),
+      speed.check("speed"), heading.check("heading"), x.check("x"), y.check("y");
+}
+
+TEST(Generator, SameSeedSameWorldOtherSeedOtherWorld) {
+  const World world = make_world(Task::kCross, Environment::kMixed, 20, 7);
+  EXPECT_EQ(world.name, "cross-mixed-20-7");
+  EXPECT_EQ(world, make_world(Task::kCross, Environment::kMixed, 20, 7));
+  EXPECT_FALSE(world.obstacles == make_world(Task::kCross, Environment::kMixed, 20, 8).obstacles);
+  // Nothing but the engine of the standard and exact arithmetic decides this value, on every machine.
+  std::mt19937_64 engine(7);
+  const double unit = static_cast<double>(engine() >> 11) * 0x1p-53;
+  EXPECT_EQ(make_world(Task::kCross, Environment::kPure, 1, 7).obstacles[0].shape.size.x(),
+            std::trunc((0.5 + 0.5 * unit) * 1e6) / 1e6);
+  for (const WorldObstacle& o : make_world(Task::kCross, Environment::kPure, 20, 7).obstacles)
+    EXPECT_EQ(o.shape.kind, Shape::Kind::kColumn);
+}
+
+TEST(Generator, RefusesWhatCannotBe) {
+  EXPECT_THROW(make_world(Task::kCross, Environment::kEmpty, 1, 0), WorldError);
+  EXPECT_THROW(make_world(Task::kCross, Environment::kPure, 501, 0), WorldError);
+  EXPECT_THROW(make_world(Task::kCross, Environment::kPure, -1, 0), WorldError);
+}
+
+class WorldCommand : public testing::Test {
+ protected:
+  int run(std::vector<std::string> arguments) {
+    arguments.insert(arguments.begin(), "world");
+    std::vector<const char*> argv;
+    for (const std::string& argument : arguments) argv.push_back(argument.c_str());
+    testing::internal::CaptureStdout();
+    testing::internal::CaptureStderr();
+    const int code = world_command(static_cast<int>(argv.size()), argv.data());
+    out_ = testing::internal::GetCapturedStdout();
+    err_ = testing::internal::GetCapturedStderr();
+    return code;
+  }
+  TemporaryDirectory directory_;
+  std::string out_, err_;
+};
+
+TEST_F(WorldCommand, WritesTheWorldAndNothingElse) {
+  const std::string file = (directory_ / "w.json").string();
+  EXPECT_EQ(run({"--task", "cross", "--env", "mixed", "--obstacles", "20", "--seed", "7", "-o", file}), 0) << err_;
+  EXPECT_EQ(read_world(file), make_world(Task::kCross, Environment::kMixed, 20, 7));
+  EXPECT_EQ(std::distance(fs::directory_iterator(directory_.path()), {}), 1);
+  EXPECT_EQ(run({"--task", "cross", "--env", "mixed", "--obstacles", "20", "--seed", "7", "-o", "-"}), 0) << err_;
+  EXPECT_EQ(out_, read_text(directory_ / "w.json"));
+  EXPECT_EQ(run({"--task", "circle", "--env", "empty", "--robots", "6", "--radius", "5", "-o", "-"}), 0) << err_;
+  EXPECT_EQ(parse_world(out_, "-", "").robots.size(), 6u);
+}
+
+TEST_F(WorldCommand, RefusesBadOptionsWithOneLineAndCode2) {
+  const std::string file = (directory_ / "w.json").string();
+  const std::vector<std::pair<std::vector<std::string>, std::string>> cases = {
+      {{"--task", "spiral", "-o", file}, "spiral"},
+      {{"--env", "full", "-o", file}, "full"},
+      {{"--obstacles", "501", "-o", file}, "501"},
+      {{"--obstacles", "x", "-o", file}, "obstacles"},
+      {{"--robots", "4", "-o", file}, "robots"},
+      {{"--radius", "4", "-o", file}, "radius"},
+      {{"--wind", "4", "-o", file}, "wind"},
+      {{}, "out"},
+      {{"--env", "empty", "--obstacles", "3", "-o", file}, "obstacles: 3"},
+      {{"-o", (directory_ / "none/w.json").string()}, "none"},
+      {{"--task", "circle", "--robots", "40", "--radius", "1", "-o", file}, "sum of radii"},
+  };
+  for (const auto& [arguments, mention] : cases) {
+    SCOPED_TRACE(testing::PrintToString(arguments));
+    EXPECT_EQ(run(arguments), 2);
+    EXPECT_NE(err_.find(mention), std::string::npos) << err_;
+    EXPECT_EQ(std::ranges::count(err_, '\n'), 1) << err_;
+    EXPECT_TRUE(out_.empty()) << out_;
+    EXPECT_TRUE(fs::is_empty(directory_.path()));
+  }
+}
+
+}  // namespace
+}  // namespace swarm::test

@@ -1,0 +1,292 @@
+// What the tests of nodes and programs share: messages as sensors and peers send them, a mailbox for what a node says,
+// temporary directories, and programs started and ended as an operator does.
+#pragma once
+
+#include <fcntl.h>
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <sys/prctl.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdint>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <iterator>
+#include <optional>
+#include <sstream>
+#include <string>
+#include <string_view>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "lcmtypes/bus/node.h"
+#include "planner_daemon/trajectory/trajectory.h"
+
+namespace swarm::test {
+
+#if defined(__SANITIZE_ADDRESS__)
+inline constexpr bool kSanitized = true;  // slow: no promises about time
+#else
+inline constexpr bool kSanitized = false;
+#endif
+
+inline constexpr std::int64_t kStart_us = 1'700'000'000'000'000;  // simulated time when a test begins
+
+using Bytes = std::vector<std::uint8_t>;
+
+template <class T>
+Bytes encoded(const T& message) {
+  Bytes bytes;
+  encode(message, &bytes);
+  return bytes;
+}
+
+inline sogm_swarm::header_t make_header(int robot_id, std::int32_t boot, std::int64_t seq, std::int64_t utime) {
+  sogm_swarm::header_t header{};
+  header.schema_version = sogm_swarm::header_t::kSchemaVersion;
+  header.robot_id = static_cast<std::int16_t>(robot_id);
+  header.boot = boot;
+  header.seq = seq;
+  header.utime = utime;
+  return header;
+}
+
+inline sogm_swarm::robot_state_t state_at(int id, const Eigen::Vector3d& position, std::int64_t seq,
+                                          std::int64_t utime) {
+  sogm_swarm::robot_state_t state{};
+  state.header = make_header(id, 1, seq, utime);
+  Eigen::Map<Eigen::Vector3d>(state.position) = position;
+  return state;
+}
+
+// What a node has said, in order.
+class Mailbox : public Outbox {
+ public:
+  struct Letter {
+    BusId bus;
+    std::string channel;
+    Bytes bytes;
+  };
+
+  void publish_bytes(BusId bus, std::string_view channel, std::span<const std::uint8_t> bytes) override {
+    letters.push_back({bus, std::string(channel), {bytes.begin(), bytes.end()}});
+  }
+
+  // Everything of one channel, which must decode.
+  template <class T>
+  std::vector<T> all(std::string_view channel, BusId bus = BusId::kOnboard) const {
+    std::vector<T> messages;
+    for (const Letter& letter : letters) {
+      if (letter.bus != bus || letter.channel != channel) continue;
+      const Refusal refusal = decode(letter.bytes, &messages.emplace_back());
+      EXPECT_EQ(refusal, Refusal::kNone) << channel << ": " << to_string(refusal);
+    }
+    return messages;
+  }
+  template <class T>
+  T newest(std::string_view channel, BusId bus = BusId::kOnboard) const {
+    const std::vector<T> messages = all<T>(channel, bus);
+    EXPECT_FALSE(messages.empty()) << "nothing on " << channel;
+    return messages.empty() ? T{} : messages.back();
+  }
+  int count(std::string_view channel, BusId bus = BusId::kOnboard) const {
+    return static_cast<int>(std::count_if(letters.begin(), letters.end(), [&](const Letter& letter) {
+      return letter.bus == bus && letter.channel == channel;
+    }));
+  }
+
+  std::vector<Letter> letters;
+};
+
+// A node in simulated time, called as the hosts call it: messages, then a step; and a step whenever it asked for one.
+template <class NodeType>
+class Bench {
+ public:
+  template <class... Arguments>
+  explicit Bench(Arguments&&... arguments) : node(std::forward<Arguments>(arguments)...) {
+    step();
+  }
+
+  void step() {
+    ++steps;
+    wake_us = node.step(now_us, out);
+  }
+  void deliver(BusId bus, std::string_view channel, std::span<const std::uint8_t> bytes) {
+    node.on_message(now_us, bus, channel, bytes, out);
+    step();
+  }
+  template <class T>
+  void send(std::string_view channel, const T& message, BusId bus = BusId::kOnboard) {
+    deliver(bus, channel, encoded(message));
+  }
+  void run_until(std::int64_t utime) {
+    while (wake_us <= utime) {
+      ASSERT_GT(wake_us, now_us) << "the node asks for a step in the past";
+      now_us = wake_us;
+      step();
+    }
+    now_us = utime;
+  }
+  void run_for(double seconds) { run_until(now_us + std::llround(seconds * 1e6)); }
+
+  std::int64_t now_us = kStart_us, wake_us = 0;
+  int steps = 0;
+  Mailbox out;
+  NodeType node;
+};
+
+// From `from` at `start_utime` to rest at `to`: one quintic, cut into pieces.
+inline Trajectory quintic_to(const MotionState& from, std::int64_t start_utime, const Eigen::Vector3d& to,
+                             double seconds, int pieces = 5, std::int32_t seq = 1) {
+  const auto piece_us = static_cast<std::int32_t>(std::llround(seconds * 1e6 / pieces));
+  MotionState rest;
+  rest.position = to;
+  const double duration = 1e-6 * piece_us * pieces;
+  const ControlPoints points = quintic_control_points(from, rest, duration);
+  Trajectory trajectory(seq, start_utime, piece_us, pieces);
+  for (int k = 0; k < pieces; ++k) {
+    trajectory.set_knot(k, evaluate_bezier(points, duration, static_cast<double>(k) / pieces));
+  }
+  trajectory.set_knot(0, from);
+  trajectory.set_knot(pieces, rest);
+  return trajectory;
+}
+
+class TemporaryDirectory {
+ public:
+  TemporaryDirectory() {
+    std::string pattern = (std::filesystem::temp_directory_path() / "swarm_test.XXXXXX").string();
+    if (::mkdtemp(pattern.data()) == nullptr) throw std::runtime_error(pattern + ": cannot be made");
+    path_ = pattern;
+  }
+  ~TemporaryDirectory() {
+    std::error_code ignored;
+    std::filesystem::remove_all(path_, ignored);
+  }
+  TemporaryDirectory(const TemporaryDirectory&) = delete;
+  TemporaryDirectory& operator=(const TemporaryDirectory&) = delete;
+
+  const std::filesystem::path& path() const { return path_; }
+  std::filesystem::path operator/(const std::string& name) const { return path_ / name; }
+
+ private:
+  std::filesystem::path path_;
+};
+
+inline std::string read_text(const std::filesystem::path& path) {
+  std::ifstream in(path, std::ios::binary);
+  EXPECT_TRUE(in) << path;
+  return {std::istreambuf_iterator<char>(in), {}};
+}
+inline std::filesystem::path write_text(const std::filesystem::path& path, std::string_view text) {
+  std::ofstream(path, std::ios::binary) << text;
+  return path;
+}
+
+// True as soon as `condition` is; false after `seconds`.
+inline bool wait_for(double seconds, const std::function<bool()>& condition) {
+  const auto deadline = std::chrono::steady_clock::now() + std::chrono::duration<double>(seconds);
+  while (!condition()) {
+    if (std::chrono::steady_clock::now() > deadline) return false;
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+  return true;
+}
+
+// A program of this project, or any by its path, running. It ends with this object at the latest.
+class Program {
+ public:
+  explicit Program(const std::vector<std::string>& words) {
+    std::vector<std::string> copy = words;
+    if (!copy.front().starts_with('/')) {
+      copy.front().insert(0, SWARM_BIN_DIR "/");
+      std::istringstream emulator(SWARM_EMULATOR);  // needed where this test is emulated, too
+      copy.insert(copy.begin(), std::istream_iterator<std::string>(emulator), {});
+    }
+    std::vector<char*> argv;
+    for (std::string& word : copy) argv.push_back(word.data());
+    argv.push_back(nullptr);
+    const std::string out = write_text(output_ / "out", ""), err = write_text(output_ / "err", "");
+    pid_ = ::fork();
+    if (pid_ == 0) {
+      ::prctl(PR_SET_PDEATHSIG, SIGKILL);
+      ::dup2(::open("/dev/null", O_RDONLY), STDIN_FILENO);
+      ::dup2(::open(out.c_str(), O_WRONLY), STDOUT_FILENO);
+      ::dup2(::open(err.c_str(), O_WRONLY), STDERR_FILENO);
+      ::execvp(argv[0], argv.data());
+      ::_exit(127);
+    }
+  }
+  ~Program() {
+    signal(SIGTERM);
+    if (!wait(3.0)) signal(SIGKILL), wait(3.0);
+  }
+  Program(const Program&) = delete;
+  Program& operator=(const Program&) = delete;
+
+  void signal(int number) const {
+    if (!exit_code_) ::kill(pid_, number);
+  }
+  // The exit code, minus the number of the signal that killed it, or nothing while it runs.
+  std::optional<int> wait(double seconds) {
+    int status = 0;
+    wait_for(seconds, [&] {
+      if (!exit_code_ && ::waitpid(pid_, &status, WNOHANG) == pid_) {
+        exit_code_ = WIFSIGNALED(status) ? -WTERMSIG(status) : WEXITSTATUS(status);
+      }
+      return exit_code_.has_value();
+    });
+    return exit_code_;
+  }
+  bool running() { return !wait(0.0); }
+  pid_t pid() const { return pid_; }
+  std::string out() const { return read_text(output_ / "out"); }
+  std::string err() const { return read_text(output_ / "err"); }
+
+ private:
+  TemporaryDirectory output_;
+  pid_t pid_ = -1;
+  std::optional<int> exit_code_;
+};
+
+struct Finished {
+  int exit_code = 0;
+  std::string out, err;
+};
+inline Finished run_program(const std::vector<std::string>& words, double seconds = 20.0) {
+  Program program(words);
+  const std::optional<int> exit_code = program.wait(seconds);
+  EXPECT_TRUE(exit_code) << words.front() << " runs for ever";
+  return {exit_code.value_or(-1), program.out(), program.err()};
+}
+
+// Processes whose command line holds `text`; ended ones that nobody has waited for do not count.
+inline std::vector<pid_t> processes_with(const std::string& text) {
+  std::vector<pid_t> found;
+  std::error_code ignored;
+  for (const auto& entry : std::filesystem::directory_iterator("/proc", ignored)) {
+    const std::string name = entry.path().filename();
+    if (!std::all_of(name.begin(), name.end(), [](unsigned char c) { return std::isdigit(c) != 0; })) continue;
+    std::ifstream in(entry.path() / "cmdline", std::ios::binary);  // empty for zombies
+    const std::string line{std::istreambuf_iterator<char>(in), {}};
+    if (line.find(text) != std::string::npos && std::stoi(name) != ::getpid()) found.push_back(std::stoi(name));
+  }
+  return found;
+}
+
+// Ports [base, base + 140) for this test's own use: tests that run at the same time have other process ids.
+inline int base_port() {
+  return 20000 + static_cast<int>(::getpid() % 85) * 140;
+}
+inline std::string local_url(int port) {
+  return "udpm://239.255.76.67:" + std::to_string(port) + "?ttl=0";
+}
+
+}  // namespace swarm::test
