@@ -9,6 +9,7 @@ import html
 import numpy as np
 
 PIXELS_PER_M = 36
+WIDEST = 480  # pixels that a page gives it; drawn finer, so that it can be looked at larger
 TOLERANCE = 0.2 / PIXELS_PER_M  # [m]
 STEP = 2  # of the trace's steps of 10 ms
 COLORS = ("#1f77b4", "#d62728", "#2ca02c", "#9467bd", "#ff7f0e", "#17becf", "#e377c2", "#8c564b")
@@ -101,13 +102,14 @@ def animation(run, out, speed):
     seconds = (times[-1] - times[0]) / speed
     low, high = (np.array(run.world["space"][side][:2]) + grow for side, grow in (("min", -0.8), ("max", 0.8)))
     (left, top), (width, height) = PIXELS_PER_M * np.array([low[0], -high[1]]), PIXELS_PER_M * (high - low)
+    shown = WIDEST / max(width, height) * np.array([width, height])
     lines = [f'<path class="grid" d="M{PIXELS_PER_M * x},{-top:.0f}V{-top - height:.0f}"/>' for x in range(2 * int(np.ceil(low[0] / 2)), int(high[0]) + 1, 2)]
     lines += [f'<path class="grid" d="M{left:.0f},{PIXELS_PER_M * y}H{left + width:.0f}"/>' for y in range(2 * int(np.ceil(low[1] / 2)), int(high[1]) + 1, 2)]
     obstacles = [moving(outline(obstacle), seconds, times, run.obstacle_at(obstacle, times)[0][:, :2]) for obstacle in run.obstacles]
     robots = [robot_shapes(run, i, COLORS[n % len(COLORS)], seconds, steps) for n, i in enumerate(run.robots)]
     layers = [*lines, *obstacles, *(shape for layer in zip(*robots) for shape in layer)]
     text = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" width="{width:.0f}" height="{height:.0f}" viewBox="{left:.0f} {top:.0f} {width:.0f} {height:.0f}">',
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{shown[0]:.0f}" height="{shown[1]:.0f}" viewBox="{left:.0f} {top:.0f} {width:.0f} {height:.0f}">',
         f"<title>{html.escape(run.report['world'])}: {len(run.robots)} robots, {len(run.obstacles)} obstacles, seen from above</title><style>{STYLE}</style>",
         f'<rect x="{left:.0f}" y="{top:.0f}" width="{width:.0f}" height="{height:.0f}" rx="12" fill="#f8f9fb"/>',
         '<g transform="scale(1,-1)">',  # y points up
