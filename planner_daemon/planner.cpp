@@ -10,6 +10,7 @@ namespace {
 
 constexpr std::int64_t kStaticHeuristicAge_us = 250'000, kSpaceTimeHeuristicAge_us = 75'000;
 constexpr double kKeepBonus_s = 0.05;  // of the motion already flown where the search got stuck
+constexpr double kGraze = 0.2;         // a violation so small, or so far ahead, is not worth giving up a plan
 constexpr double kWorthwhile = 3.0;    // an escape must violate so much less to be worth its rough flight
 
 // A plan leaves the own motion between two knots, where speed may still rise a little: some is kept for that.
@@ -82,10 +83,15 @@ const PlanResult& Planner::plan(const PlanRequest& request) {
   Trajectory smooth;
   const bool is_smooth = has_corridors && optimize(request, &smooth);  // IV-C: minimum-jerk Bezier curve inside them
   lap(PlanStep::kOptimize);
-  if (is_smooth && is_flyable(smooth)) add_planned(Candidate::Kind::kSmooth, smooth);
-  if (candidates_.empty())
-    add_planned(Candidate::Kind::kRaw, to_trajectory(path_, config_.search.piece_us, request.start_utime));
-  if (path_.left_blocked || !survives) {  // nothing is free
+  const Trajectory raw = to_trajectory(path_, config_.search.piece_us, request.start_utime);
+  bool is_free = is_smooth && is_flyable(smooth);  // against the same free space
+  if (is_free) {
+    add_planned(Candidate::Kind::kSmooth, smooth);
+  } else {
+    is_free = survives && is_flyable(raw);
+    add_planned(is_free ? Candidate::Kind::kRaw : Candidate::Kind::kBlocked, raw);
+  }
+  if (path_.left_blocked || !is_free) {
     lap(PlanStep::kCheck);
     add_escape(request);
     lap(PlanStep::kSearch);
@@ -248,7 +254,7 @@ void Planner::add_own_motion(const PlanRequest& request) {
 }
 
 // The policy. An escape flies roughly, so it must violate much less than what was planned. The own motion stays where
-// it violates less than that; or as little, but ends nearer to the goal.
+// it violates less than that by more than a graze; or where both are free, but it ends nearer to the goal.
 void Planner::choose() {
   const Candidate* planned = &candidates_.front();
   for (const Candidate& other : candidates_) {
@@ -259,14 +265,12 @@ void Planner::choose() {
   for (const Candidate& own : candidates_) {
     if (own.kind != Candidate::Kind::kOwn) continue;
     const bool is_nearer = own.time_to_goal_s < planned->time_to_goal_s + kKeepBonus_s;
-    result_.fly =
-        own.violation_cost > planned->violation_cost || (own.violation_cost == planned->violation_cost && !is_nearer);
+    result_.fly = own.violation_cost + kGraze >= planned->violation_cost && !is_nearer;
   }
   result_.trajectory = planned->trajectory;
-  const bool survives = result_.search_status != SearchStatus::kPartial;
-  result_.outcome = planned->kind == Candidate::Kind::kSmooth            ? PlanOutcome::kSmooth
-                    : planned->kind == Candidate::Kind::kRaw && survives ? PlanOutcome::kRaw
-                                                                         : PlanOutcome::kUnsafe;
+  result_.outcome = planned->kind == Candidate::Kind::kSmooth ? PlanOutcome::kSmooth
+                    : planned->kind == Candidate::Kind::kRaw  ? PlanOutcome::kRaw
+                                                              : PlanOutcome::kUnsafe;
 }
 
 }  // namespace swarm

@@ -57,10 +57,11 @@ struct PlanResult {
 // What could be flown next.
 struct Candidate {
   enum class Kind {
-    kSmooth,  // the optimised trajectory
-    kRaw,     // the search's own path
-    kEscape,  // what violates least, in pieces of half the duration
-    kOwn,     // the motion already flown
+    kSmooth,   // the optimised trajectory
+    kRaw,      // the search's own path
+    kBlocked,  // the same, but it is not free all the way
+    kEscape,   // what violates least, in pieces of half the duration
+    kOwn,      // the motion already flown
   };
   Kind kind;
   Trajectory trajectory;        // empty for the own motion

@@ -54,7 +54,7 @@ void declare(OptionSet& options, PlannerNodeConfig& config) {
               "duration of a motion primitive and trajectory piece");
   options.add("pieces", &planner.search.num_pieces, 2, Trajectory::kMaxPieces, "",
               "horizon in pieces, braking to rest included");
-  options.add("max-expansions", &planner.search.max_expansions, 10, 100'000, "", "budget of the search");
+  options.add("max-expansions", &planner.search.max_expansions, 10, 5000, "", "budget of the search; 10 kB each");
   options.add("inflation-weight", &planner.search.inflation_weight, 0, 100, "",
               "cost of a second within the inflation, in seconds of flight");
   options.add("recently-occupied-weight", &planner.search.recently_occupied_weight, 0, 100, "",

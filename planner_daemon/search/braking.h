@@ -38,15 +38,13 @@ void brake(const SearchContext& context, const SearchNode& node, SearchPath* pat
       };
       const AxisSamples x = samples(0), y = samples(1), z = samples(2);
       const auto& first_words = context.first_words[static_cast<std::size_t>(node.depth + k)];
-      const Sogm& blocked =
-          space.blocked(first_words.front() / context.words_per_frame, first_words.back() / context.words_per_frame,
-                        {{x.low, y.low}, {x.high, y.high}});
-      for (std::size_t i = 0; i < kSamples && goes_on; ++i) {
-        const std::int64_t utime =
-            context.utime_at(node.depth + k) + (static_cast<std::int64_t>(i) + 1) * context.options.piece_us / kSamples;
-        const auto word = static_cast<std::size_t>(first_words[i] + x.offset[i] + y.offset[i] + z.offset[i]);
-        goes_on = visit(BrakeSample{utime, tau_s / kSamples, word,
-                                    blocked.words[word] & x.in_window[i] & y.in_window[i] & z.in_window[i],
+      const Sogm& blocked = space.blocked(context.first_frame(node.depth + k), context.last_frame(node.depth + k),
+                                          {{x.low, y.low}, {x.high, y.high}});
+      for (int i = 0; i < primitives.num_samples() && goes_on; ++i) {
+        const auto at = static_cast<std::size_t>(i);
+        const auto word = static_cast<std::size_t>(first_words[at] + x.offset[at] + y.offset[at] + z.offset[at]);
+        goes_on = visit(BrakeSample{context.utime_of_sample(node.depth + k, i), tau_s / primitives.num_samples(), word,
+                                    blocked.words[word] & x.in_window[at] & y.in_window[at] & z.in_window[at],
                                     ((x.strays | y.strays | z.strays) >> i & 1u) != 0});
       }
     }

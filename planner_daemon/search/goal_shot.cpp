@@ -59,12 +59,11 @@ bool GoalShot::shoot(const SearchNode& node, SearchPath* path) {
     }
     if (!ok) continue;
     // Free on the way, and at the goal until the horizon.
-    const std::int64_t begin = context_.utime_at(node.depth);
-    const int samples = room * kSamples;
-    for (int i = 1; i <= samples && ok; ++i) {
-      const double s = std::min(1.0, static_cast<double>(i) / (pieces * kSamples));
+    const int num_samples = context_.primitives.num_samples();
+    for (int i = 1; i <= room * num_samples && ok; ++i) {
+      const double s = std::min(1.0, static_cast<double>(i) / (pieces * num_samples));
       const Eigen::Vector3d position = bezier_position(whole, s);
-      const std::int64_t utime = begin + i * std::int64_t{context_.options.piece_us} / kSamples;
+      const std::int64_t utime = context_.utime_of_sample(node.depth, i - 1);
       ok = !context_.problem.space->recently_occupied_at(position, map.frame_at(utime)) &&
            (position.array() >= limits.space_min.array() - 1e-6).all() &&
            (position.array() <= limits.space_max.array() + 1e-6).all();

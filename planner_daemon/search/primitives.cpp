@@ -44,13 +44,6 @@ Primitives::Primitives(const SearchLimits& limits, const SearchOptions& options)
                                 std::to_string(brake_pieces_ + 1) + " (braking takes " + std::to_string(brake_pieces_) +
                                 ") and at most " + std::to_string(Trajectory::kMaxPieces));
   }
-  for (std::size_t i = 0; i < kSamples; ++i) {
-    const double s = (static_cast<double>(i) + 1.0) / kSamples;
-    const double lag = s * s * s / 3 - s * s * s * s / 12;  // double integral of 2 s - s^2
-    weights_.v[i] = tau_s_ * s;
-    weights_.a0[i] = tau_s_ * tau_s_ * (s * s / 2 - lag);
-    weights_.a1[i] = tau_s_ * tau_s_ * lag;
-  }
 }
 
 int Primitives::brake_pieces(const SearchLimits& limits, std::int32_t piece_us) {
@@ -58,6 +51,19 @@ int Primitives::brake_pieces(const SearchLimits& limits, std::int32_t piece_us) 
 }
 
 void Primitives::lay_out(const GridGeometry& grid) {
+  const double longest_m = limits_.v_max_mps * tau_s_;  // of a primitive, along an axis
+  const double blocks = std::ceil(longest_m / (kBlockSamples * grid.resolution_m));
+  const int num_samples = kBlockSamples * static_cast<int>(std::clamp<double>(blocks, 1, kMaxBlocks));
+  if (num_samples != num_samples_) {
+    num_samples_ = num_samples;
+    for (std::size_t i = 0; i < static_cast<std::size_t>(num_samples); ++i) {
+      const double s = (static_cast<double>(i) + 1.0) / num_samples;
+      const double lag = s * s * s / 3 - s * s * s * s / 12;  // double integral of 2 s - s^2
+      weights_.v[i] = tau_s_ * s;
+      weights_.a0[i] = tau_s_ * tau_s_ * (s * s / 2 - lag);
+      weights_.a1[i] = tau_s_ * tau_s_ * lag;
+    }
+  }
   for (int axis = 0; axis < 3; ++axis) {
     const int words = axis == 0 ? grid.size.y() * grid.words_per_column() : axis == 1 ? grid.words_per_column() : 1;
     axes_[static_cast<std::size_t>(axis)] = {
@@ -67,36 +73,44 @@ void Primitives::lay_out(const GridGeometry& grid) {
 }
 
 // One axis of the map: how far apart its voxels are in the map's words; along z they are bits of words.
-SWARM_WIDE void Primitives::place(const SampleWeights& weights, const AxisGrid& grid, double p, double v, double a,
-                                  double a1, AxisSamples* out) {
-  std::array<double, kSamples + 1> position;  // from the start on
-  std::array<std::int32_t, kSamples> voxel;
-  position[0] = p;
-  for (std::size_t i = 0; i < kSamples; ++i)
-    position[i + 1] = p + weights.v[i] * v + weights.a0[i] * a + weights.a1[i] * a1;
-  for (std::size_t i = 0; i < kSamples; ++i) voxel[i] = floor_of(position[i + 1] * grid.per_m) - grid.origin;
-  out->low = out->high = voxel[0];
-  for (std::size_t i = 0; i < kSamples; ++i) {
-    out->low = std::min(out->low, voxel[i]);
-    out->high = std::max(out->high, voxel[i]);
-  }
-  for (std::size_t i = 0; i < kSamples; ++i) {
-    const auto known = -static_cast<std::int32_t>((voxel[i] >= 0) & (voxel[i] < grid.size));  // all ones or 0
-    out->offset[i] = ((voxel[i] & known) >> grid.shift) * grid.stride;
-    const std::uint64_t bit = std::uint64_t{1} << (voxel[i] & 63);
-    out->in_window[i] = (bit | grid.whole_words) & static_cast<std::uint64_t>(std::int64_t{known});
-  }
+SWARM_WIDE void Primitives::place(const SampleWeights& weights, int num_samples, const AxisGrid& grid, double p,
+                                  double v, double a, double a1, AxisSamples* out) {
+  double before = p;
   out->strays = 0;
-  for (std::size_t i = 0; i < kSamples; ++i) {
-    const double before = position[i], at = position[i + 1];
-    const bool strays = ((at < grid.space_min) & (at < before)) | ((at > grid.space_max) & (at > before));
-    out->strays |= static_cast<unsigned>(strays) << i;
+  for (int first = 0; first < num_samples; first += kBlockSamples) {
+    std::array<double, kBlockSamples + 1> position;  // from the sample before the block on
+    std::array<std::int32_t, kBlockSamples> voxel;
+    const double *wv = weights.v.data() + first, *wa0 = weights.a0.data() + first, *wa1 = weights.a1.data() + first;
+    std::int32_t* offset = out->offset.data() + first;
+    std::uint64_t* in_window = out->in_window.data() + first;
+    position[0] = before;
+    for (std::size_t i = 0; i < kBlockSamples; ++i) position[i + 1] = p + wv[i] * v + wa0[i] * a + wa1[i] * a1;
+    for (std::size_t i = 0; i < kBlockSamples; ++i) voxel[i] = floor_of(position[i + 1] * grid.per_m) - grid.origin;
+    if (first == 0) out->low = out->high = voxel[0];
+    for (std::size_t i = 0; i < kBlockSamples; ++i) {
+      out->low = std::min(out->low, voxel[i]);
+      out->high = std::max(out->high, voxel[i]);
+    }
+    for (std::size_t i = 0; i < kBlockSamples; ++i) {
+      const auto known = -static_cast<std::int32_t>((voxel[i] >= 0) & (voxel[i] < grid.size));  // all ones or 0
+      offset[i] = ((voxel[i] & known) >> grid.shift) * grid.stride;
+      const std::uint64_t bit = std::uint64_t{1} << (voxel[i] & 63);
+      in_window[i] = (bit | grid.whole_words) & static_cast<std::uint64_t>(std::int64_t{known});
+    }
+    std::uint32_t strays = 0;
+    for (std::size_t i = 0; i < kBlockSamples; ++i) {
+      const double last = position[i], at = position[i + 1];
+      const bool is_stray = ((at < grid.space_min) & (at < last)) | ((at > grid.space_max) & (at > last));
+      strays |= static_cast<std::uint32_t>(is_stray) << i;
+    }
+    out->strays |= strays << first;
+    before = position[kBlockSamples];
   }
 }
 
 AxisSamples Primitives::axis_samples(int axis, double p, double v, double a, double a1) const {
   AxisSamples samples;
-  place(weights_, axes_[static_cast<std::size_t>(axis)], p, v, a, a1, &samples);
+  place(weights_, num_samples_, axes_[static_cast<std::size_t>(axis)], p, v, a, a1, &samples);
   return samples;
 }
 
@@ -111,6 +125,12 @@ double Primitives::calm_down(double v, double a, double high) const {
     (peak_velocity(v, a, middle, tau_s_) <= limit ? low : high) = middle;
   }
   return low;
+}
+
+// lag: double integral of 2 s - s^2 over the whole primitive.
+double Primitives::end_position(double p, double v, double a, double a1) const {
+  const double lag = 1.0 / 3 - 1.0 / 12;
+  return p + tau_s_ * v + tau_s_ * tau_s_ * (0.5 - lag) * a + tau_s_ * tau_s_ * lag * a1;
 }
 
 void Primitives::axis_options(int axis, const MotionState& from, bool fine, AxisOptions* options) const {
@@ -133,10 +153,10 @@ void Primitives::axis_options(int axis, const MotionState& from, bool fine, Axis
     }
     if (!is_new) continue;
     AxisOption& option = options->option[static_cast<std::size_t>(options->count)];
-    place(weights_, axes_[static_cast<std::size_t>(axis)], p, v, a, a1, &option.samples);
+    place(weights_, num_samples_, axes_[static_cast<std::size_t>(axis)], p, v, a, a1, &option.samples);
     if (option.samples.strays != 0) continue;
     ++options->count;
-    option.position = p + weights_.v.back() * v + weights_.a0.back() * a + weights_.a1.back() * a1;
+    option.position = end_position(p, v, a, a1);
     option.velocity = v + tau_s_ / 3 * (a + 2 * a1);
     option.acceleration = a1;
     option.effort = options_.effort_weight * (a1 / limits_.a_max_mps2) * (a1 / limits_.a_max_mps2);
@@ -145,8 +165,9 @@ void Primitives::axis_options(int axis, const MotionState& from, bool fine, Axis
 
 MotionState Primitives::propagate(const MotionState& from, const Eigen::Vector3d& a1) const {
   MotionState to;
-  to.position = from.position + weights_.v.back() * from.velocity + weights_.a0.back() * from.acceleration +
-                weights_.a1.back() * a1;
+  for (int axis = 0; axis < 3; ++axis) {
+    to.position[axis] = end_position(from.position[axis], from.velocity[axis], from.acceleration[axis], a1[axis]);
+  }
   to.velocity = from.velocity + tau_s_ / 3 * (from.acceleration + 2 * a1);
   to.acceleration = a1;
   return to;

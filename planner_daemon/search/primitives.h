@@ -13,16 +13,18 @@
 
 namespace swarm {
 
-inline constexpr int kSamples = 8;  // collision checks per primitive
+// A primitive is checked for collisions at so many samples that nothing moves farther than a voxel along an axis
+// between two of them; in blocks, of which there are few.
+inline constexpr int kBlockSamples = 8, kMaxBlocks = 4, kMaxSamples = kBlockSamples * kMaxBlocks;
 
 // Where the samples of a primitive lie along one axis of a map.
 struct AxisSamples {
   std::int32_t low, high;  // voxels, all on the way
-  unsigned strays;         // bit i: sample i leaves the flight space; a robot outside may only come back
+  std::uint32_t strays;    // bit i: sample i leaves the flight space; a robot outside may only come back
   // x, y: what sample i adds to the index of a word of the map; z: its word
-  std::array<std::int32_t, kSamples> offset;
+  std::array<std::int32_t, kMaxSamples> offset;
   // x, y: all ones inside the window, else 0; z: the sample's bit, or 0
-  std::array<std::uint64_t, kSamples> in_window;
+  std::array<std::uint64_t, kMaxSamples> in_window;
 };
 
 // What one axis does during a primitive.
@@ -49,8 +51,9 @@ class Primitives {
   int brake_pieces() const { return brake_pieces_; }
   int max_depth() const { return max_depth_; }  // primitives before braking
 
-  // From now on samples are placed in maps of this window.
+  // From now on samples are placed in maps of this window: kBlockSamples or a multiple of it in each primitive.
   void lay_out(const GridGeometry& grid);
+  int num_samples() const { return num_samples_; }
 
   // What an axis may do from a node on: the strongest accelerations either way that leave the speed limit within reach,
   // the one that stops, none, and, where steps are `fine`, gentle ones at low speed; nearly equal ones once, none that
@@ -63,7 +66,7 @@ class Primitives {
 
  private:
   struct SampleWeights {  // position after each sample's time: p + v * .. + a0 * .. + a1 * ..
-    std::array<double, kSamples> v, a0, a1;
+    std::array<double, kMaxSamples> v, a0, a1;
   };
   struct AxisGrid {  // an axis of the maps and of the flight space
     double per_m;    // voxels
@@ -72,8 +75,9 @@ class Primitives {
     std::uint64_t whole_words;  // x, y: all ones; z: 0, for voxels are bits
     double space_min, space_max;
   };
-  static void place(const SampleWeights& weights, const AxisGrid& grid, double p, double v, double a, double a1,
-                    AxisSamples* out);
+  static void place(const SampleWeights& weights, int num_samples, const AxisGrid& grid, double p, double v, double a,
+                    double a1, AxisSamples* out);
+  double end_position(double p, double v, double a, double a1) const;
   double calm_down(double v, double a, double high) const;
 
   SearchLimits limits_;
@@ -82,6 +86,7 @@ class Primitives {
   double a_usable_mps2_;
   int brake_pieces_;
   int max_depth_;
+  int num_samples_ = 0;  // weights_ are for
   SampleWeights weights_;
   std::array<AxisGrid, 3> axes_;
 };

@@ -39,10 +39,9 @@ void SearchContext::set(const SearchProblem& problem_in) {
   start_blocked = problem.space->blocked_at(problem.start.position, map.frame_at(problem.start_utime));
   words_per_frame = map.geometry.words_per_frame();
   for (int depth = 0; depth < options.num_pieces; ++depth) {
-    for (int i = 0; i < kSamples; ++i) {
-      const std::int64_t offset = (depth * kSamples + i + 1) * std::int64_t{options.piece_us} / kSamples;
+    for (int i = 0; i < primitives.num_samples(); ++i) {
       first_words[static_cast<std::size_t>(depth)][static_cast<std::size_t>(i)] =
-          map.frame_at(problem.start_utime + offset) * words_per_frame;
+          map.frame_at(utime_of_sample(depth, i)) * words_per_frame;
     }
     heuristic_steps[static_cast<std::size_t>(depth)] = heuristic.step_at(utime_at(depth + 1));
   }

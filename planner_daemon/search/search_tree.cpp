@@ -34,7 +34,6 @@ void SearchTree::rate(const SearchNode& node, Axes* axes) const {
 
 // Has the layers worked out that the node's primitives pass.
 ConfigurationSpace::Layers SearchTree::look(const SearchNode& node, const Axes& axes) const {
-  const auto& first_words = context_.first_words[static_cast<std::size_t>(node.depth)];
   Columns columns{Eigen::Vector2i::Constant(std::numeric_limits<int>::max()),
                   Eigen::Vector2i::Constant(std::numeric_limits<int>::min())};
   for (int axis = 0; axis < 2; ++axis) {
@@ -44,34 +43,39 @@ ConfigurationSpace::Layers SearchTree::look(const SearchNode& node, const Axes& 
       columns.last[axis] = std::max(columns.last[axis], options.option[i].samples.high);
     }
   }
-  return context_.problem.space->layers(first_words.front() / context_.words_per_frame,
-                                        first_words.back() / context_.words_per_frame, columns);
+  return context_.problem.space->layers(context_.first_frame(node.depth), context_.last_frame(node.depth), columns);
 }
 
-SearchTree::SampleWords SearchTree::sample_words(const ConfigurationSpace::Layers& layers, const AxisSamples& x,
-                                                 const AxisSamples& y, const AxisSamples& z, int depth) const {
+void SearchTree::look_up(const ConfigurationSpace::Layers& layers, const AxisSamples& x, const AxisSamples& y,
+                         const AxisSamples& z, int depth, SampleWords* words) const {
   const auto& first_words = context_.first_words[static_cast<std::size_t>(depth)];
-  SampleWords words;
-  std::array<std::uint64_t, kSamples> inside;
-  words.any_inflation = 0;
-  for (std::size_t i = 0; i < kSamples; ++i) {
-    words.index[i] = static_cast<std::size_t>(first_words[i] + x.offset[i] + y.offset[i] + z.offset[i]);
-    inside[i] = x.in_window[i] & y.in_window[i];
-    words.inflation[i] = layers.inflation.words[words.index[i]] & inside[i];
-    words.any_inflation |= words.inflation[i];
+  const auto num_samples = static_cast<std::size_t>(context_.primitives.num_samples());
+  std::array<std::uint64_t, kMaxSamples> inside;
+  words->any_inflation = 0;
+  for (std::size_t first = 0; first < num_samples; first += kBlockSamples) {
+    for (std::size_t i = first; i < first + kBlockSamples; ++i) {
+      words->index[i] = static_cast<std::size_t>(first_words[i] + x.offset[i] + y.offset[i] + z.offset[i]);
+      inside[i] = x.in_window[i] & y.in_window[i];
+      words->inflation[i] = layers.inflation.words[words->index[i]] & inside[i];
+      words->any_inflation |= words->inflation[i];
+    }
   }
-  if (words.any_inflation == 0) return words;
-  for (std::size_t i = 0; i < kSamples; ++i) {
-    words.recently_occupied[i] = layers.recently_occupied.words[words.index[i]] & inside[i];
-    words.blocked[i] = layers.blocked.words[words.index[i]] & inside[i];
+  if (words->any_inflation == 0) return;
+  for (std::size_t first = 0; first < num_samples; first += kBlockSamples) {
+    for (std::size_t i = first; i < first + kBlockSamples; ++i) {
+      words->recently_occupied[i] = layers.recently_occupied.words[words->index[i]] & inside[i];
+      words->blocked[i] = layers.blocked.words[words->index[i]] & inside[i];
+    }
   }
-  return words;
 }
 
 double SearchTree::layer_cost(const SampleWords& words, const AxisSamples& z, int depth) const {
-  const auto any = [&](const std::array<std::uint64_t, kSamples>& layer) {
+  const int num_samples = context_.primitives.num_samples();
+  const auto any = [&](const std::array<std::uint64_t, kMaxSamples>& layer) {
     std::uint64_t bits = 0;
-    for (std::size_t i = 0; i < kSamples; ++i) bits |= layer[i] & z.in_window[i];
+    for (std::size_t first = 0; first < static_cast<std::size_t>(num_samples); first += kBlockSamples) {
+      for (std::size_t i = first; i < first + kBlockSamples; ++i) bits |= layer[i] & z.in_window[i];
+    }
     return bits != 0;
   };
   if (words.any_inflation == 0 || !any(words.inflation)) return 0.0;  // inflation holds the other layers
@@ -79,21 +83,24 @@ double SearchTree::layer_cost(const SampleWords& words, const AxisSamples& z, in
   double cost = 0.0;
   if (any(words.blocked)) {
     if (!context_.start_blocked && context_.rule == BlockedSpace::kForbidden) return -1.0;
-    for (std::size_t i = 0; i < kSamples; ++i) {
-      const std::uint64_t bit = words.blocked[i] & z.in_window[i];
+    for (int i = 0; i < num_samples; ++i) {
+      const auto sample = static_cast<std::size_t>(i);
+      const std::uint64_t bit = words.blocked[sample] & z.in_window[sample];
       if (bit == 0) continue;
-      if (!context_.may_be_blocked(depth, static_cast<int>(i))) return -1.0;
-      cost += context_.blocked_cost((depth + (static_cast<double>(i) + 1.0) / kSamples) * tau_s,
-                                    context_.problem.space->severity(words.index[i], bit));
+      if (!context_.may_be_blocked(depth, i)) return -1.0;
+      cost += context_.blocked_cost((depth + (i + 1.0) / num_samples) * tau_s,
+                                    context_.problem.space->severity(words.index[sample], bit));
     }
   }
   int inflation = 0, recently_occupied = 0;
-  for (std::size_t i = 0; i < kSamples; ++i) {
-    inflation += (words.inflation[i] & z.in_window[i]) != 0;
-    recently_occupied += (words.recently_occupied[i] & z.in_window[i]) != 0;
+  for (std::size_t first = 0; first < static_cast<std::size_t>(num_samples); first += kBlockSamples) {
+    for (std::size_t i = first; i < first + kBlockSamples; ++i) {
+      inflation += (words.inflation[i] & z.in_window[i]) != 0;
+      recently_occupied += (words.recently_occupied[i] & z.in_window[i]) != 0;
+    }
   }
   cost += inflation * context_.options.inflation_weight + recently_occupied * context_.options.recently_occupied_weight;
-  return cost * tau_s / kSamples;
+  return cost * tau_s / num_samples;
 }
 
 std::int32_t SearchTree::add_child(std::int32_t index, const Axes& axes, const Choice& choice,
@@ -137,7 +144,8 @@ std::int32_t SearchTree::add_child_alike(std::int32_t index) {
   const auto samples = [&](std::size_t axis) -> const AxisSamples& {
     return axes[axis].options.option[choice[axis]].samples;
   };
-  const SampleWords words = sample_words(look(node, axes), samples(0), samples(1), samples(2), node.depth);
+  SampleWords words;
+  look_up(look(node, axes), samples(0), samples(1), samples(2), node.depth, &words);
   return add_child(index, axes, choice, words);
 }
 

@@ -58,8 +58,8 @@ class SearchTree {
   // The words of the layers that hold the samples of a primitive, 0 outside the window; but for inflation only where
   // something is near.
   struct SampleWords {
-    std::array<std::size_t, kSamples> index;
-    std::array<std::uint64_t, kSamples> inflation, recently_occupied, blocked;
+    std::array<std::size_t, kMaxSamples> index;
+    std::array<std::uint64_t, kMaxSamples> inflation, recently_occupied, blocked;
     std::uint64_t any_inflation;
   };
   using Axes = std::array<RatedOptions, 3>;
@@ -67,8 +67,8 @@ class SearchTree {
 
   void rate(const SearchNode& node, Axes* axes) const;
   ConfigurationSpace::Layers look(const SearchNode& node, const Axes& axes) const;
-  SampleWords sample_words(const ConfigurationSpace::Layers& layers, const AxisSamples& x, const AxisSamples& y,
-                           const AxisSamples& z, int depth) const;
+  void look_up(const ConfigurationSpace::Layers& layers, const AxisSamples& x, const AxisSamples& y,
+               const AxisSamples& z, int depth, SampleWords* words) const;
   // Cost of the layers one primitive passes; negative when it is blocked.
   double layer_cost(const SampleWords& words, const AxisSamples& z, int depth) const;
   // -1 when it is blocked, or there is no room.
@@ -93,8 +93,8 @@ void SearchTree::for_each_child(std::int32_t index, const Visit& visit) {
     for (std::size_t y = 0; y < count(ys); ++y) {
       for (std::size_t z = 0; z < count(zs); ++z) {
         if (z == 0 || !one_word)
-          words = sample_words(layers, xs.options.option[x].samples, ys.options.option[y].samples,
-                               zs.options.option[z].samples, depth);
+          look_up(layers, xs.options.option[x].samples, ys.options.option[y].samples, zs.options.option[z].samples,
+                  depth, &words);
         if (const std::int32_t child = add_child(index, axes, {x, y, z}, words); child >= 0) visit(child);
       }
     }

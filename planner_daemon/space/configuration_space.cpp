@@ -8,7 +8,7 @@ namespace swarm {
 namespace {
 
 constexpr int kTile = 4;  // columns along each edge of what is worked out or not
-constexpr std::int64_t kCheckStep_us = 10'000;
+constexpr std::int64_t kLongestStep_us = 10'000, kShortestStep_us = 1'000;  // of checks along a motion
 
 // A peer is occupied space: like an obstacle's voxels it counts by centres, so half a voxel comes on top.
 double occupied_radius_m(const Peer& peer, const Sogm& sogm) {
@@ -202,7 +202,11 @@ std::int64_t ConfigurationSpace::first_blocked(const Motion& motion, std::int64_
     const std::int64_t begin = t, knot = std::min(motion.next_knot_after(t), end);
     const ControlPoints points = control_points_between(motion, begin, knot);
     const double share = 1.0 / static_cast<double>(knot - begin);
-    for (; t < knot; t += kCheckStep_us) {
+    const double half_voxel_us = 0.5e6 * map.geometry.resolution_m /
+                                 std::max(max_speed_bound(points, 1e-6 * static_cast<double>(knot - begin)), 1e-3);
+    const std::int64_t step_us =
+        std::clamp(static_cast<std::int64_t>(half_voxel_us), kShortestStep_us, kLongestStep_us);
+    for (; t < knot; t += step_us) {
       const Eigen::Vector3d position = bezier_position(points, static_cast<double>(t - begin) * share);
       if (blocked_at(position, map.frame_at(t))) return t;
     }

@@ -650,6 +650,20 @@ TEST(PlannerNode, RefusalsAreCountedAndChangeNothing) {
   EXPECT_TRUE(std::equal(expected.begin(), expected.end(), f.status().refused));
 }
 
+// A budget that would take a gigabyte is a slip of the pen.
+TEST(PlannerNodeConfig, TheBudgetIsBounded) {
+  const auto parse = [](const char* budget) {
+    PlannerNodeConfig config;
+    OptionSet options("planner_daemon", "");
+    declare(options, config);
+    const char* arguments[] = {"", "--max-expansions", budget};
+    std::ostringstream out;
+    (void)options.parse(3, arguments, out);
+  };
+  EXPECT_NO_THROW(parse("5000"));
+  EXPECT_THROW(parse("5001"), OptionError);
+}
+
 TEST(PlannerNodeConfig, ImpossibleCombinationsAreRefusedByName) {
   const auto complaint = [](const std::function<void(PlannerNodeConfig&)>& change) -> std::string {
     PlannerNodeConfig config = Fixture::make_config();

@@ -92,7 +92,7 @@ std::string describe(const PlanRequest& request, const PlanResult& result) {
 }
 
 // What every flown plan promises. Free space is looked up here voxel by voxel: the voxel of the robot is farther than
-// radius + clearance from all that is occupied, at each instant that is checked (10 ms, or 25 ms of the search's path).
+// radius + clearance from all that is occupied, at each instant that is checked (10 ms, also of the search's own path).
 // In between the robot travels from the nearest such instant of the same frame.
 void check_plan(const PlanResult& result, const PlanRequest& request, const PlannerConfig& config) {
   const Trajectory& plan = result.trajectory;
@@ -126,7 +126,7 @@ void check_plan(const PlanResult& result, const PlanRequest& request, const Plan
   };
   std::int64_t from = request.start_utime;
   if (!free_at(from)) from += std::llround(1e6 * config.search.leave_s);
-  const std::int64_t step = result.outcome == PlanOutcome::kSmooth ? 10'000 : config.search.piece_us / 8;
+  constexpr std::int64_t step = 10'000;
   const std::int64_t begin = request.start_utime + (from - request.start_utime + step - 1) / step * step;
   const double half_diagonal = std::sqrt(3.0) / 2 * grid.resolution_m;
   for (std::int64_t t = begin; t <= request.start_utime + 2'000'000; t += 2500) {

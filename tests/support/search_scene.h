@@ -20,6 +20,7 @@ namespace swarm {
 inline constexpr std::int64_t kStart = 1'700'000'000'000'000;
 inline constexpr std::int64_t kNever = std::numeric_limits<std::int64_t>::max();
 inline constexpr double kBlocked_m = 0.3, kInflation_m = 0.15, kEmergency_m = 0.23, kCollision_m = 0.16;
+inline constexpr int kSamples = kBlockSamples;  // of a primitive, at the speeds and resolutions of these tests
 
 // A map, the configuration space around it that a search looks at, and what its layers must be by their definition.
 struct Scene {

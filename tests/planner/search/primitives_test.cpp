@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 
 #include "tests/support/search_scene.h"
@@ -89,6 +90,38 @@ TEST(PrimitivesTest, PropagateIntegratesThePrimitive) {
     const ControlPoints c = quintic_control_points(from, to, tau);
     const Vector3d fifth = c.col(5) - 5 * c.col(4) + 10 * c.col(3) - 10 * c.col(2) + 5 * c.col(1) - c.col(0);
     EXPECT_LT(fifth.norm(), 1e-12);
+  }
+}
+
+// However fast the robot: nothing that is a voxel wide lies between two samples.
+TEST(PrimitivesTest, SamplesLieAtMostAVoxelApart) {
+  Rng rng(5);
+  for (const double v_max_mps : {0.5, 2.0, 5.0, 10.0, 15.0}) {
+    SearchLimits limits;
+    limits.v_max_mps = v_max_mps;
+    limits.a_max_mps2 = 20.0;
+    Primitives primitives(limits, SearchOptions{});
+    for (const double resolution_m : {0.1, 0.2, 0.3}) {
+      primitives.lay_out(empty_map({0.3, 0.3, 64 * resolution_m}, resolution_m, 1, kStart, 100'000).geometry);
+      ASSERT_EQ(primitives.num_samples() % kBlockSamples, 0);
+      ASSERT_LE(primitives.num_samples(), kMaxSamples);
+      for (int trial = 0; trial < 200; ++trial) {
+        const MotionState from = viable_state(rng, limits, primitives.tau_s(), Vector3d::Zero());
+        AxisOptions options;
+        primitives.axis_options(2, from, true, &options);
+        for (int i = 0; i < options.count; ++i) {
+          const AxisSamples& samples = options.option[static_cast<std::size_t>(i)].samples;
+          int before = 32;  // the voxel of the start
+          for (int k = 0; k < primitives.num_samples(); ++k) {
+            const std::uint64_t bit = samples.in_window[static_cast<std::size_t>(k)];
+            if (bit == 0) break;  // it has left the window
+            const int voxel = std::countr_zero(bit);
+            ASSERT_LE(std::abs(voxel - before), 1) << v_max_mps << " m/s, " << resolution_m << " m, sample " << k;
+            before = voxel;
+          }
+        }
+      }
+    }
   }
 }
 
