@@ -14,7 +14,7 @@
 #include "planner_daemon/search/kinodynamic_search.h"
 #include "planner_daemon/search/static_heuristic.h"
 #include "planner_daemon/space/configuration_space.h"
-#include "planner_daemon/trajectory/trajectory.h"
+#include "planner_daemon/trajectory/motion.h"
 
 namespace swarm {
 

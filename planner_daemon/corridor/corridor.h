@@ -9,7 +9,7 @@
 #include "planner_daemon/corridor/firi.h"
 #include "planner_daemon/corridor/polytope.h"
 #include "planner_daemon/space/occupancy.h"
-#include "planner_daemon/trajectory/trajectory.h"
+#include "planner_daemon/trajectory/bezier.h"
 
 namespace swarm {
 

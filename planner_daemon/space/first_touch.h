@@ -4,7 +4,7 @@
 #include <cstdint>
 
 #include "map_daemon/sogm.h"
-#include "planner_daemon/trajectory/trajectory.h"
+#include "planner_daemon/trajectory/motion.h"
 
 namespace swarm {
 

@@ -3,7 +3,7 @@
 
 #include <Eigen/Geometry>
 
-#include "planner_daemon/trajectory/trajectory.h"
+#include "planner_daemon/trajectory/motion.h"
 
 namespace swarm {
 

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "map_daemon/dilation.h"
-#include "planner_daemon/trajectory/trajectory.h"
+#include "planner_daemon/trajectory/motion.h"
 
 namespace swarm {
 
