@@ -664,7 +664,7 @@ TEST(PlannerNodeConfig, ImpossibleCombinationsAreRefusedByName) {
   EXPECT_EQ(complaint([](PlannerNodeConfig&) {}), "");
   const auto names = [](const std::string& text, const char* name) { return text.find(name) != std::string::npos; };
   EXPECT_TRUE(names(complaint([](auto& c) { c.planner.limits.space_min.z() = 3.8; }), "space-min"));
-  EXPECT_TRUE(names(complaint([](auto& c) { c.planner.zones.tight_m = 0.2; }), "tight-clearance"));
+  EXPECT_TRUE(names(complaint([](auto& c) { c.planner.space.emergency_clearance_m = 0.2; }), "emergency-clearance"));
   EXPECT_TRUE(names(complaint([](auto& c) { c.planner.search.num_pieces = 2; }), "pieces"));
 }
 
