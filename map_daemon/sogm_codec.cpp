@@ -1,9 +1,9 @@
 #include "map_daemon/sogm_codec.h"
 
-#include <zstd.h>
-
 #include <algorithm>
+#include <array>
 #include <bit>
+#include <cstring>
 #include <tuple>
 #include <utility>
 
@@ -11,14 +11,106 @@ namespace swarm {
 
 using sogm_swarm::sogm_t;
 
+// What a changed word will be is guessed from the words around it, as it was after the same ones before; or it is one
+// of the newest. Both ends learn the same.
+class ChangeMemory {
+ public:
+  void clear() { by_next_.fill(0), by_previous_.fill(0), newest_.fill(0); }
+
+  // The word in turn, and the next in it, as they were in the frame before; the previous one as it is now.
+  void look(std::uint64_t before, std::uint64_t next_before, std::uint64_t previous_now) {
+    next_guess_ = &by_next_[slot<kGuessBits>(before, next_before)];
+    previous_guess_ = &by_previous_[slot<kGuessBits>(before, previous_now)];
+  }
+  std::uint64_t next_guess() const { return *next_guess_; }
+  std::uint64_t previous_guess() const { return *previous_guess_; }
+  std::uint64_t newest(std::size_t index) const { return newest_[index]; }
+  static std::size_t index_of(std::uint64_t change) { return slot<kNewestBits>(change, 0); }
+  void learn(std::uint64_t change) { *next_guess_ = *previous_guess_ = newest_[index_of(change)] = change; }
+
+ private:
+  static constexpr int kGuessBits = 12, kNewestBits = 8;
+
+  template <int kBits>
+  static std::size_t slot(std::uint64_t a, std::uint64_t b) {
+    return ((a * 0x9E3779B97F4A7C15u ^ b * 0xC2B2AE3D27D4EB4Fu) * 0xD6E8FEB86659FD93u) >> (64 - kBits);
+  }
+
+  std::array<std::uint64_t, 1 << kGuessBits> by_next_{}, by_previous_{};
+  std::array<std::uint64_t, 1 << kNewestBits> newest_{};
+  std::uint64_t *next_guess_ = by_next_.data(), *previous_guess_ = by_previous_.data();
+};
+
 static_assert(std::endian::native == std::endian::little, "the wire's words are little-endian");
 
 namespace {
 
-constexpr int kCompressionLevel = 1;  // higher levels cost milliseconds and save little on sparse bits
+// The two highest bits of a token, the others are the number of words before it that have not changed.
+enum class Change : std::uint8_t { kNextGuess, kPreviousGuess, kNewest, kNew };
+constexpr std::size_t kLongGap = 63;  // and more: the rest follows
+constexpr std::size_t kCountBytes = 4, kMaxGapBytes = 5, kWordBytes = 8;
+constexpr std::size_t kMaxTokenBytes = 1 + kMaxGapBytes + 1 + kWordBytes;
+constexpr int kMaxEdges = 8;  // a word with more of them is sent as it is
+constexpr std::uint8_t kLastEdge = 0x80, kWholeWord = 0x40;
 
-std::size_t bitmap_size(std::size_t words) {
-  return (words + 63) / 64;
+// Bits that differ from the bit below, and back.
+std::uint64_t edges_of(std::uint64_t word) {
+  return word ^ word << 1;
+}
+std::uint64_t word_of(std::uint64_t edges) {
+  for (int shift = 1; shift < 64; shift *= 2) edges ^= edges << shift;
+  return edges;
+}
+
+std::uint8_t* put_change(std::uint64_t change, std::size_t gap, const ChangeMemory& memory, std::uint8_t* out) {
+  const std::size_t index = ChangeMemory::index_of(change);
+  const Change kind = memory.next_guess() == change       ? Change::kNextGuess
+                      : memory.previous_guess() == change ? Change::kPreviousGuess
+                      : memory.newest(index) == change    ? Change::kNewest
+                                                          : Change::kNew;
+  *out++ = static_cast<std::uint8_t>(static_cast<std::size_t>(kind) << 6 | std::min(gap, kLongGap));
+  if (gap >= kLongGap) {
+    for (gap -= kLongGap; gap >= 128; gap >>= 7) *out++ = static_cast<std::uint8_t>(gap | 128);
+    *out++ = static_cast<std::uint8_t>(gap);
+  }
+  if (kind == Change::kNewest) *out++ = static_cast<std::uint8_t>(index);
+  if (kind != Change::kNew) return out;
+  std::uint64_t edges = edges_of(change);
+  if (std::popcount(edges) > kMaxEdges) {
+    *out++ = kWholeWord;
+    std::memcpy(out, &change, kWordBytes);
+    return out + kWordBytes;
+  }
+  for (; edges != 0; edges &= edges - 1) *out++ = static_cast<std::uint8_t>(std::countr_zero(edges));
+  out[-1] |= kLastEdge;
+  return out;
+}
+
+// Reads at most kMaxTokenBytes; 0 is no change that anybody sends.
+std::size_t take_gap(const std::uint8_t*& in) {
+  std::size_t gap = *in++ & kLongGap;
+  if (gap < kLongGap) return gap;
+  for (std::size_t shift = 0; shift < 7 * kMaxGapBytes; shift += 7) {
+    gap += static_cast<std::size_t>(*in & 127) << shift;
+    if (*in++ < 128) break;
+  }
+  return gap;
+}
+std::uint64_t take_change(Change kind, const ChangeMemory& memory, const std::uint8_t*& in) {
+  if (kind == Change::kNextGuess) return memory.next_guess();
+  if (kind == Change::kPreviousGuess) return memory.previous_guess();
+  if (kind == Change::kNewest) return memory.newest(*in++);
+  std::uint64_t word = 0;
+  if (*in == kWholeWord) {
+    std::memcpy(&word, in + 1, kWordBytes);
+    in += 1 + kWordBytes;
+    return word;
+  }
+  for (int i = 0; i < kMaxEdges; ++i) {
+    word |= std::uint64_t{1} << (*in & 63);
+    if ((*in++ & kLastEdge) != 0) break;
+  }
+  return word_of(word);
 }
 
 GridGeometry geometry_of(const sogm_t& part) {
@@ -55,45 +147,55 @@ const char* to_string(AssemblyStatus status) {
   return "unknown";
 }
 
-void SogmEncoder::Free::operator()(ZSTD_CCtx_s* context) const {
-  ZSTD_freeCCtx(context);
-}
-SogmEncoder::SogmEncoder() : context_(ZSTD_createCCtx()) {}
+SogmEncoder::SogmEncoder() : memory_(std::make_unique<ChangeMemory>()) {}
 SogmEncoder::~SogmEncoder() = default;
 
-std::span<const sogm_t> SogmEncoder::encode(const Sogm& sogm, sogm_swarm::header_t header) {
-  const std::size_t n = static_cast<std::size_t>(sogm.geometry.words_per_frame());
-  const std::size_t bitmap_words = bitmap_size(sogm.words.size());
-  content_.resize(bitmap_words + sogm.words.size());
-  std::fill_n(content_.begin(), bitmap_words, 0);
-  std::size_t size = bitmap_words;
+// False when they take more bytes than can be sent.
+bool SogmEncoder::pack(const Sogm& sogm) {
+  const auto n = static_cast<std::size_t>(sogm.geometry.words_per_frame());
   zeros_.assign(n, 0);
-  const auto append = [&](std::size_t i, std::uint64_t delta) {
-    content_[size] = delta;  // written over when it is zero
-    const std::uint64_t changed = delta != 0 ? 1 : 0;
-    content_[i / 64] |= changed << (i % 64);
-    size += changed;
-  };
+  memory_->clear();
+  std::size_t changes = 0, gap = 0;
+  packed_size_ = kCountBytes;
   constexpr std::size_t kBlock = 8;  // words, of which mostly none has changed
   for (std::size_t begin = 0; begin < sogm.words.size(); begin += n) {
     const std::uint64_t* words = sogm.words.data() + begin;
     const std::uint64_t* before = begin == 0 ? zeros_.data() : words - n;
-    std::size_t i = 0;
-    for (; i + kBlock <= n; i += kBlock) {
+    for (std::size_t block = 0; block < n; block += kBlock) {
+      const std::size_t end = std::min(block + kBlock, n);
       std::uint64_t any = 0;
-      for (std::size_t k = 0; k < kBlock; ++k) any |= words[i + k] ^ before[i + k];
-      if (any == 0) continue;
-      for (std::size_t k = 0; k < kBlock; ++k) append(begin + i + k, words[i + k] ^ before[i + k]);
+      for (std::size_t i = block; i < end; ++i) any |= words[i] ^ before[i];
+      if (any == 0) {
+        gap += end - block;
+        continue;
+      }
+      if (packed_size_ > kMaxParts * kMaxPartBytes) return false;
+      if (packed_.size() < packed_size_ + kBlock * kMaxTokenBytes)
+        packed_.resize(2 * packed_.size() + kBlock * kMaxTokenBytes);
+      std::uint8_t* out = packed_.data() + packed_size_;
+      for (std::size_t i = block; i < end; ++i) {
+        const std::uint64_t change = words[i] ^ before[i];
+        if (change == 0) {
+          ++gap;
+          continue;
+        }
+        memory_->look(before[i], i + 1 < n ? before[i + 1] : 0, i > 0 ? words[i - 1] : 0);
+        out = put_change(change, gap, *memory_, out);
+        memory_->learn(change);
+        gap = 0;
+        ++changes;
+      }
+      packed_size_ = static_cast<std::size_t>(out - packed_.data());
     }
-    for (; i < n; ++i) append(begin + i, words[i] ^ before[i]);
   }
+  packed_.resize(std::max(packed_.size(), packed_size_));
+  for (std::size_t i = 0; i < kCountBytes; ++i) packed_[i] = static_cast<std::uint8_t>(changes >> 8 * i);
+  return packed_size_ <= kMaxParts * kMaxPartBytes;
+}
 
-  const std::size_t raw_bytes = size * sizeof(std::uint64_t);
-  packed_.resize(ZSTD_compressBound(raw_bytes));
-  packed_size_ =
-      ZSTD_compressCCtx(context_.get(), packed_.data(), packed_.size(), content_.data(), raw_bytes, kCompressionLevel);
+std::span<const sogm_t> SogmEncoder::encode(const Sogm& sogm, sogm_swarm::header_t header) {
+  if (!pack(sogm)) return {};
   const std::size_t num_parts = (packed_size_ + kMaxPartBytes - 1) / kMaxPartBytes;
-  if (num_parts > kMaxParts) return {};
 
   header.utime = sogm.start_utime;
   parts_.resize(num_parts);
@@ -118,10 +220,7 @@ std::span<const sogm_t> SogmEncoder::encode(const Sogm& sogm, sogm_swarm::header
   return parts_;
 }
 
-void SogmAssembler::Free::operator()(ZSTD_DCtx_s* context) const {
-  ZSTD_freeDCtx(context);
-}
-SogmAssembler::SogmAssembler() : context_(ZSTD_createDCtx()), parts_(kMaxParts) {}
+SogmAssembler::SogmAssembler() : memory_(std::make_unique<ChangeMemory>()), parts_(kMaxParts) {}
 SogmAssembler::~SogmAssembler() = default;
 
 Assembly SogmAssembler::add(const sogm_t& part, Sogm* out) {
@@ -159,23 +258,17 @@ Refusal SogmAssembler::take(const sogm_t& part) {
 Refusal SogmAssembler::unpack() {
   packed_.clear();
   for (int i = 0; i < layout_.num_parts; ++i) packed_.insert(packed_.end(), parts_[i].begin(), parts_[i].end());
+  const std::size_t size = packed_.size();
+  if (size != static_cast<std::size_t>(layout_.total_bytes) || size < kCountBytes) return Refusal::kInconsistent;
+  packed_.resize(size + kMaxTokenBytes);  // the last token may be cut short
+  const std::uint8_t* in = packed_.data();
+  const std::uint8_t* const end = in + size;
   const GridGeometry geometry = geometry_of(layout_);
   const auto n = static_cast<std::size_t>(geometry.words_per_frame());
-  const std::size_t num_words = n * static_cast<std::size_t>(layout_.num_frames), bitmap_words = bitmap_size(num_words);
-  const std::uint64_t raw_bytes = ZSTD_getFrameContentSize(packed_.data(), packed_.size());  // huge on errors
-  if (packed_.size() != static_cast<std::size_t>(layout_.total_bytes) || raw_bytes % sizeof(std::uint64_t) != 0 ||
-      raw_bytes < bitmap_words * sizeof(std::uint64_t) ||
-      raw_bytes > (bitmap_words + num_words) * sizeof(std::uint64_t) ||
-      ZSTD_findFrameCompressedSize(packed_.data(), packed_.size()) != packed_.size()) {
-    return Refusal::kInconsistent;
-  }
-  content_.resize(raw_bytes / sizeof(std::uint64_t));
-  if (ZSTD_decompressDCtx(context_.get(), content_.data(), raw_bytes, packed_.data(), packed_.size()) != raw_bytes)
-    return Refusal::kDecode;
-  std::size_t changed = 0;
-  for (std::size_t i = 0; i < bitmap_words; ++i) changed += static_cast<std::size_t>(std::popcount(content_[i]));
-  const bool beyond = num_words % 64 != 0 && content_[bitmap_words - 1] >> num_words % 64 != 0;
-  if (beyond || bitmap_words + changed != content_.size()) return Refusal::kInconsistent;
+  const std::size_t num_words = n * static_cast<std::size_t>(layout_.num_frames);
+  std::size_t changes = 0;
+  for (std::size_t i = 0; i < kCountBytes; ++i) changes |= static_cast<std::size_t>(*in++) << 8 * i;
+  if (changes > num_words) return Refusal::kInconsistent;
 
   map_.geometry = geometry;
   map_.num_frames = layout_.num_frames;
@@ -183,19 +276,27 @@ Refusal SogmAssembler::unpack() {
   map_.frame_duration_us = layout_.frame_duration_us;
   map_.words.resize(num_words);
   std::fill_n(map_.words.begin(), n, 0);
-  std::size_t next = bitmap_words, frame_end = n;
+  std::size_t frame_end = n;
   const auto begin_frame = [&] {  // as the one before
     std::uint64_t* words = map_.words.data() + frame_end;
     std::copy_n(words - n, n, words);
     frame_end += n;
   };
-  for (std::size_t i = 0; i < bitmap_words; ++i) {
-    for (std::uint64_t bits = content_[i]; bits != 0; bits &= bits - 1) {
-      const std::size_t word = 64 * i + static_cast<std::size_t>(std::countr_zero(bits));
-      while (word >= frame_end) begin_frame();
-      map_.words[word] ^= content_[next++];
-    }
+  memory_->clear();
+  for (std::size_t i = 0; changes > 0; --changes, ++i) {
+    if (in >= end) return Refusal::kInconsistent;
+    const auto kind = static_cast<Change>(*in >> 6);
+    i += take_gap(in);
+    if (i >= num_words) return Refusal::kInconsistent;
+    while (i >= frame_end) begin_frame();
+    std::uint64_t* word = map_.words.data() + i;
+    memory_->look(*word, i + 1 < frame_end ? word[1] : 0, i > frame_end - n ? word[-1] : 0);
+    const std::uint64_t change = take_change(kind, *memory_, in);
+    if (change == 0) return Refusal::kInconsistent;
+    *word ^= change;
+    memory_->learn(change);
   }
+  if (in != end) return Refusal::kInconsistent;
   while (frame_end < num_words) begin_frame();
 
   const int tail = geometry.size.z() % 64;

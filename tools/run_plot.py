@@ -110,12 +110,12 @@ class Run:
 
 def outline(obstacle, center):
     """Seen from above."""
-    shape, yaw = obstacle["shape"], np.degrees(obstacle.get("yaw", 0.0))
+    shape, yaw = obstacle["shape"], obstacle.get("yaw", 0.0)
     if shape in ("column", "sphere"):
         return plt.Circle(center[:2], obstacle["diameter"] / 2, **SOLID)
     size = obstacle["size"][:2] if shape == "box" else (obstacle["width"], 2 * obstacle["radius"] + obstacle["width"])
-    corner = (center[0] - size[0] / 2, center[1] - size[1] / 2)
-    return plt.Rectangle(corner, *size, angle=yaw, rotation_point="center", **SOLID)
+    to_corner = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]]) @ size / 2
+    return plt.Rectangle(np.array(center[:2]) - to_corner, *size, angle=np.degrees(yaw), **SOLID)  # turns about this corner
 
 
 def draw_scene(axis, run, k, since=0):

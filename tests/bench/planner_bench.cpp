@@ -308,7 +308,8 @@ void solve_problems(const std::string& path) {
       calls_us.push_back(timed_us([&] { status = solver.solve(stored.problem, &solution); }));
     std::sort(calls_us.begin(), calls_us.end());
     nlohmann::ordered_json line = {{"name", stored.name}, {"status", to_string(status)}};
-    line["jerk_integral"] = status == SplineStatus::kSolved ? nlohmann::ordered_json(solution.jerk_integral) : nullptr;
+    line["jerk_integral"] =
+        status == SplineStatus::kSolved ? nlohmann::ordered_json(solution.jerk_integral) : nlohmann::ordered_json();
     line["violation"] = solution.max_violation;
     line["time_us"] = quantile(calls_us, 0.5);
     std::cout << line.dump() << '\n';

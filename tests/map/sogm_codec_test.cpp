@@ -8,6 +8,7 @@
 #include <numbers>
 #include <random>
 
+#include "lcmtypes/bus/crc32.h"
 #include "map_daemon/obstacle.h"
 
 namespace swarm {
@@ -136,6 +137,52 @@ TEST(SogmCodec, PaperMapFitsOneDatagramAndIsDeterministic) {
   EXPECT_LT(most, 60000u);
 }
 
+// As lcmtypes/sogm_t.lcm says, by hand: two columns that are alike, of which one goes, and one of every other voxel.
+TEST(SogmCodec, TheBytesAreThoseOfTheFormat) {
+  Sogm sogm;
+  sogm.reset({.resolution_m = 0.1, .origin = {0, 0, 0}, .size = {20, 10, 64}}, 2, 0, 100'000);
+  for (int frame : {0, 1}) {
+    sogm.column(frame, 0, 2)[0] = 0xF0;
+    sogm.column(frame, 0, 4)[0] = 0xF0;
+    sogm.column(frame, 9, 9)[0] = 0x5555'5555'5555'5555;
+  }
+  sogm.column(1, 0, 4)[0] = 0;
+  const std::vector<std::vector<std::uint8_t>> tokens = {
+      {4, 0, 0, 0},                                                      // so many words
+      {0xC2, 4, 0x88},                                                   // after 2: a new one, edges at bits 4 and 8
+      {0x01},                                                            // after 1: as the first table has it
+      {0xFF, 31, 0x40, 0x55, 0x55, 0x55, 0x55, 0x55, 0x55, 0x55, 0x55},  // after 63 + 31: a new one, as it is
+      {0xBF, 41, 0x39},                                                  // after 63 + 41: as the third table has it
+  };
+  std::vector<std::uint8_t> bytes;
+  for (const auto& token : tokens) bytes.insert(bytes.end(), token.begin(), token.end());
+  const std::vector<sogm_t> parts = parts_of(sogm, 0);
+  ASSERT_EQ(parts.size(), 1u);
+  EXPECT_EQ(parts[0].data, bytes);
+}
+
+// No library, processor or compiler has a say.
+TEST(SogmCodec, TheSameBytesOnEveryMachine) {
+  std::uint64_t state = 1;
+  const auto number = [&state](std::uint64_t below) {  // of our own: the library's distributions differ
+    state = state * 6364136223846793005u + 1442695040888963407u;
+    return (state >> 33) % below;
+  };
+  Sogm sogm;
+  sogm.reset({.resolution_m = 0.1, .origin = {0, 0, 0}, .size = {60, 50, 70}}, 10, 0, 100'000);
+  for (int box = 0; box < 200; ++box) {
+    const int x = static_cast<int>(number(58)), y = static_cast<int>(number(48));
+    const std::uint64_t bits = (std::uint64_t{1} << number(40)) - 1;
+    for (int frame = static_cast<int>(number(10)); frame < 10; ++frame) {
+      for (int i = 0; i < 6; ++i) sogm.column(frame, x + i % 3, y + i / 3)[0] |= bits << 20;
+    }
+  }
+  const std::vector<sogm_t> parts = parts_of(sogm, 0);
+  ASSERT_EQ(parts.size(), 1u);
+  EXPECT_EQ(parts[0].data.size(), 1916u);
+  EXPECT_EQ(crc32(parts[0].data), 0x555E19B3u);
+}
+
 TEST(SogmCodec, NewerMapsReplaceIncompleteOnes) {
   std::mt19937 rng(7);
   const Sogm first = noise({60, 50, 64}, 8, &rng), second = noise({20, 20, 20}, 4, &rng);
@@ -225,7 +272,7 @@ TEST(SogmCodec, DamagedContentNeverBecomesAMap) {
   sogm_t longer = good;
   longer.data.push_back(0);
   EXPECT_EQ(add(longer), Refusal::kInconsistent);
-  sogm_t twice = good;  // two frames in a row
+  sogm_t twice = good;  // two maps in a row
   twice.data.insert(twice.data.end(), good.data.begin(), good.data.end());
   EXPECT_EQ(add(twice), Refusal::kInconsistent);
   EXPECT_EQ(add(good), Refusal::kNone);
@@ -233,8 +280,9 @@ TEST(SogmCodec, DamagedContentNeverBecomesAMap) {
 }
 
 TEST(SogmCodec, BombsAndWrongSizesAreRefused) {
-  Sogm zeros;
-  zeros.reset({.resolution_m = 0.1, .origin = {0, 0, 0}, .size = {512, 512, 64}}, 30, 0, 100'000);  // 63 MB in a few kB
+  Sogm zeros;  // but for one voxel: 63 MB in a few bytes
+  zeros.reset({.resolution_m = 0.1, .origin = {0, 0, 0}, .size = {512, 512, 64}}, 30, 0, 100'000);
+  for (int frame = 0; frame < 30; ++frame) zeros.column(frame, 511, 511)[0] = 1;
   std::vector<sogm_t> parts = parts_of(zeros, 0);
   ASSERT_EQ(parts.size(), 1u);
   SogmAssembler assembler;
