@@ -1,8 +1,8 @@
 #include <iostream>
 #include <string_view>
 
-#include "swarm_sim/campaign/campaign.h"
-#include "swarm_sim/results/commit_audit.h"
+#include "swarm_sim/audit_command.h"
+#include "swarm_sim/campaign_command.h"
 #include "swarm_sim/run_command.h"
 #include "swarm_sim/world_command.h"
 

@@ -10,6 +10,7 @@
 
 #include "lcmtypes/bus/channels.h"
 #include "swarm_sim/results/commit_audit.h"
+#include "swarm_sim/world/clocks.h"
 
 namespace swarm {
 namespace {
@@ -33,7 +34,12 @@ class LockstepHost {
         delays_(delays),
         link_(options.link, seed_of(world.name)),
         logs_(logs),
-        simulation_(world, static_map, options, trace) {
+        clock_offsets_us_(clock_offsets_us(options.clock_offset_ms, world)),
+        simulation_(world, static_map, options.time_limit_s, options.clock_offset_ms,
+                    [trace](double t_s, const Simulation& simulation) {
+                      if (trace != nullptr) trace->write(t_s, simulation);
+                    }) {
+    check_robots(world, options);
     for (const WorldRobot& robot : world.robots) robots_.emplace_back(world, robot, options);
     for (const Kill& kill : options.kills) kills_.push_back({kill, index_of_robot(world, kill.robot_id, "kill")});
     sensor_period_us_ = static_cast<std::int64_t>(1e6 / options.sensor_rate_hz);
@@ -151,9 +157,9 @@ class LockstepHost {
     ChannelCount& count = channels_[std::string(channel)];
     ++count.messages;
     count.bytes += static_cast<std::int64_t>(bytes.size());
-    if (swarm && channel == channel::kTrajectory) audit_.hear(bytes, simulation_.clock_offset_us(robot));
-    if (!swarm && channel == channel::kSetpoint) simulation_.on_setpoint(robot, bytes);
-    if (!swarm && channel == channel::kOwnTrajectory) simulation_.on_own_trajectory(robot, bytes);
+    if (swarm && channel == channel::kTrajectory) audit_.hear(bytes, clock_offsets_us_[robot]);
+    if (!swarm && channel == channel::kSetpoint) simulation_.vehicle(robot).on_setpoint(bytes);
+    if (!swarm && channel == channel::kOwnTrajectory) simulation_.vehicle(robot).on_own_trajectory(bytes);
     const auto& listeners = swarm ? swarm_listeners_ : onboard_listeners_[robot];
     const auto heard = listeners.find(channel);
     if (heard == listeners.end()) return;
@@ -180,7 +186,7 @@ class LockstepHost {
       Place& place = places_[event.place];
       now_us_ = event.time_us;
       if (place.node == nullptr) continue;
-      const std::int64_t offset_us = simulation_.clock_offset_us(place.robot);
+      const std::int64_t offset_us = clock_offsets_us_[place.robot];
       if (!event.channel.empty()) {
         place.node->on_message(now_us_ + offset_us, event.bus, event.channel, *event.bytes, place);
       } else if (event.time_us != place.wake_us) {
@@ -276,6 +282,7 @@ class LockstepHost {
   LinkModel link_;
   BusLog* logs_;
   CommitAudit audit_;
+  std::vector<std::int64_t> clock_offsets_us_;
   Simulation simulation_;
   std::int64_t sensor_period_us_ = 0;
   std::deque<RobotNodes> robots_;

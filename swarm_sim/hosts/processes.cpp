@@ -17,6 +17,7 @@
 #include "swarm_sim/hosts/relay.h"
 #include "swarm_sim/hosts/supervisor.h"
 #include "swarm_sim/results/commit_audit.h"
+#include "swarm_sim/world/clocks.h"
 
 namespace swarm {
 namespace {
@@ -108,9 +109,9 @@ class RobotEnvironment : public Node {
     count.bytes += static_cast<std::int64_t>(bytes.size());
     if (bus == BusId::kSwarm) return audit_.collect(bytes);
     if (channel == channel::kSetpoint)
-      world_.simulation.on_setpoint(index_, bytes);
+      world_.simulation.vehicle(index_).on_setpoint(bytes);
     else if (channel == channel::kOwnTrajectory)
-      world_.simulation.on_own_trajectory(index_, bytes);
+      world_.simulation.vehicle(index_).on_own_trajectory(bytes);
     else if (channel == channel::kMapStatus)
       read(bytes, &map_status_);
     else if (channel == channel::kBroadcastStatus)
@@ -273,7 +274,12 @@ RunReport run_processes(const World& world, const OccupiedCubes* static_map, con
   if (processes.netns.empty() && processes.start_daemons) refuse_used_bus(swarm);
   spdlog::set_level(spdlog::level::warn);
 
-  Simulation simulation(world, static_map, options, trace);
+  check_robots(world, options);
+  Simulation simulation(world, static_map, options.time_limit_s, options.clock_offset_ms,
+                        [trace](double t_s, const Simulation& now) {
+                          if (trace != nullptr) trace->write(t_s, now);
+                        });
+  const std::vector<std::int64_t> clocks_us = clock_offsets_us(options.clock_offset_ms, world);
   const bool relayed = !options.link.perfect(), apart = !processes.netns.empty();
   if (!processes.start_daemons && !options.kills.empty())
     throw OptionError("kill: daemons that were not started here cannot be killed either");
@@ -304,7 +310,7 @@ RunReport run_processes(const World& world, const OccupiedCubes* static_map, con
     const auto file = [&](const char* daemon, const char* ending) {
       return out / ("robot" + std::to_string(robot.id) + "-" + daemon + ending);
     };
-    const std::int64_t clock_us = simulation.clock_offset_us(i);
+    const std::int64_t clock_us = clocks_us[i];
     write_config(map_config(world, robot, options), clock_us, onboard, nullptr, file("map", ".cfg"));
     write_config(planner_config(world, robot, options), clock_us, onboard, nullptr, file("planner", ".cfg"));
     BroadcastConfig broadcast = broadcast_config(world, robot, options);

@@ -8,6 +8,8 @@
 #include <string>
 
 #include "swarm_sim/environment/simulation.h"
+#include "swarm_sim/hosts/flight_options.h"
+#include "swarm_sim/results/recorder.h"
 #include "swarm_sim/results/report.h"
 #include "swarm_sim/world/occupied_cubes.h"
 #include "swarm_sim/world/world.h"

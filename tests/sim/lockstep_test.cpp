@@ -274,7 +274,7 @@ TEST(Lockstep, ProgressIsReportedTenTimesASecondAndMayEndTheRun) {
   const RunReport report =
       run_lockstep(world, nullptr, {}, {}, nullptr, nullptr, [&](double t_s, const Simulation& simulation) {
         times.push_back(t_s);
-        EXPECT_EQ(simulation.num_robots(), 2u);
+        EXPECT_EQ(simulation.vehicles().size(), 2u);
         return t_s < 0.95;
       });
   ASSERT_EQ(times.size(), 11u);
