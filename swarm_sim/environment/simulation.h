@@ -1,58 +1,63 @@
-// The world's side of a run, the same in every mode: obstacles move, robots sense them and track their setpoints, the
-// judge watches. Knows neither buses nor clocks: the hosts carry its messages.
+// The environment of the robots, the same in every mode: the world moves on, vehicles track their setpoints, the judge
+// watches. Each robot senses it through a node of its own (environment_node.h); this is what these nodes share, and
+// whoever comes first moves it on. Stands on world/ alone and knows neither buses nor hosts.
 #pragma once
 
 #include <cstdint>
 #include <functional>
-#include <span>
+#include <optional>
 #include <vector>
 
-#include "lcmtypes/bus/header_source.h"
 #include "swarm_sim/environment/judge.h"
 #include "swarm_sim/environment/vehicle.h"
 #include "swarm_sim/world/world.h"
 
 namespace swarm {
 
+struct SimulationOptions {
+  double time_limit_s = 60.0;
+  double clock_offset_ms = 0.0;  // of the robots' clocks, see clocks.h
+};
+
 class Simulation {
  public:
-  static constexpr std::int64_t kTick_us = 10'000;
+  static constexpr std::int64_t kTick_us = 10'000;  // ticks are at its multiples since the epoch
 
-  // Called after each tick with the world time [s].
+  // Called after each tick of the flight with the world time [s].
   using TickObserver = std::function<void(double t_s, const Simulation&)>;
 
-  // `world` and `static_map` must outlive the simulation; `static_map` and `on_tick` may be null.
-  Simulation(const World& world, const OccupiedCubes* static_map, double time_limit_s, double clock_offset_ms,
+  // `world` and `static_map` must outlive the simulation; `static_map` and `on_tick` may be null. The first tick is the
+  // first one after `utime` [us since epoch, not of a robot's clock, as all times here].
+  Simulation(const World& world, const OccupiedCubes* static_map, const SimulationOptions& options, std::int64_t utime,
              TickObserver on_tick);
 
   const World& world() const { return world_; }
   const Judge& judge() const { return judge_; }
-  // In the world's order. A robot's messages, both ways, carry the time of its own clock.
+  // In the world's order.
   const std::vector<Vehicle>& vehicles() const { return vehicles_; }
   Vehicle& vehicle(std::size_t index) { return vehicles_[index]; }
 
-  // Moves the robots to world time `t_s` >= 0, then judges. To be called every kTick_us. Before the start of the world
-  // only `settle` is called.
-  void tick(double t_s, std::int64_t utime);
-  // Moves the robots without judging: the time before the start.
-  void settle(std::int64_t utime);
+  // World time 0. Until then vehicles follow their setpoints, but obstacles stand and nothing is judged. Throws
+  // std::invalid_argument unless it is a tick to come.
+  void start(std::int64_t utime);
+  bool started() const { return start_us_.has_value(); }
+  // World time [s]; negative before the start.
+  double t_s(std::int64_t utime) const { return start_us_ ? 1e-6 * static_cast<double>(utime - *start_us_) : -1.0; }
 
-  // What robot `index` knows at world time `t_s`: itself, the obstacles within its sensing radius, its goal. Before the
-  // start (t_s < 0) the obstacles stand where they will be at 0.
-  sogm_swarm::robot_state_t state_message(std::size_t index, std::int64_t utime);
-  sogm_swarm::obstacles_t obstacles_message(std::size_t index, double t_s, std::int64_t utime);
-  sogm_swarm::goal_t goal_message(std::size_t index, std::int64_t utime);
+  // Moves on, tick by tick, to the last one that is not after `utime`, unless somebody has done so; no further than the
+  // end of the flight.
+  void advance(std::int64_t utime);
+  std::int64_t now_us() const { return now_us_; }  // newest tick
 
  private:
-  struct Headers {
-    HeaderSource state, obstacles, goal;
-  };
+  void tick();
 
   const World& world_;
   Judge judge_;
   TickObserver on_tick_;
+  std::int64_t now_us_;
+  std::optional<std::int64_t> start_us_;
   std::vector<Vehicle> vehicles_;
-  std::vector<Headers> headers_;
   std::vector<MotionState> states_;  // of the vehicles, as the judge takes them
 };
 
