@@ -33,6 +33,7 @@ EnvironmentNode::EnvironmentNode(Simulation& simulation, std::size_t index, doub
     : simulation_(simulation),
       index_(index),
       sensor_period_us_(std::llround(1e6 / sensor_rate_hz)),
+      last_tick_us_(simulation.now_us()),
       state_headers_(simulation.world().robots[index].id, 0),
       obstacle_headers_(state_headers_),
       goal_headers_(state_headers_) {}
@@ -49,8 +50,9 @@ void EnvironmentNode::on_message(std::int64_t, BusId, std::string_view channel, 
 }
 
 std::int64_t EnvironmentNode::step(std::int64_t now_us, Outbox& outbox) {
-  simulation_.advance(now_us);
-  const std::int64_t wake_us = now_us - now_us % Simulation::kTick_us + Simulation::kTick_us;
+  const std::int64_t until_us = now_us - kLatency_us;
+  simulation_.advance(until_us);
+  const std::int64_t wake_us = until_us - until_us % Simulation::kTick_us + Simulation::kTick_us + kLatency_us;
   const std::int64_t tick_us = simulation_.now_us();
   if (tick_us == last_tick_us_) return wake_us;
   last_tick_us_ = tick_us;

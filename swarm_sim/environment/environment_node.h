@@ -13,6 +13,9 @@ namespace swarm {
 
 class EnvironmentNode : public Node {
  public:
+  // So long after a tick it takes place: setpoints of that very moment need a while to arrive.
+  static constexpr std::int64_t kLatency_us = 2'000;
+
   // Of robot `index` in the world's order; obstacles are detected at `sensor_rate_hz` > 0. `simulation` is shared by
   // all robots and must outlive the node. The node's clock is the simulation's; what it sends carries the robot's.
   EnvironmentNode(Simulation& simulation, std::size_t index, double sensor_rate_hz);
@@ -33,7 +36,7 @@ class EnvironmentNode : public Node {
   Simulation& simulation_;
   std::size_t index_;
   std::int64_t sensor_period_us_;
-  std::int64_t last_tick_us_ = 0, last_detection_ = -1, next_goal_us_ = 0;
+  std::int64_t last_tick_us_, last_detection_ = -1, next_goal_us_ = 0;
   HeaderSource state_headers_, obstacle_headers_, goal_headers_;
 };
 

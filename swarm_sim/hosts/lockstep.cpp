@@ -7,7 +7,6 @@
 #include <memory>
 #include <optional>
 
-#include "lcmtypes/bus/channels.h"
 #include "swarm_sim/environment/environment_node.h"
 #include "swarm_sim/hosts/lockstep_host.h"
 #include "swarm_sim/results/bus_recorder.h"
@@ -23,11 +22,8 @@ std::int64_t steady_ns() {
       .count();
 }
 
-// The first tick not before world time `t_s`.
 std::int64_t utime_of(double t_s) {
-  std::int64_t since_us = 0;
-  while (1e-6 * static_cast<double>(since_us) < t_s) since_us += Simulation::kTick_us;
-  return kEpoch_us + since_us;
+  return kEpoch_us + std::llround(1e6 * t_s);
 }
 
 // What the nodes of one robot have done, over all their lives.
@@ -151,13 +147,8 @@ RunReport run_lockstep(const World& world, const OccupiedCubes* static_map, cons
                         kEpoch_us - Simulation::kTick_us, follow_flight(trace, progress, [&host] { host->stop(); }));
   simulation.start(kEpoch_us);
 
-  host->listen(
-      [&](std::int64_t now_us, BusId bus, int robot_id, std::string_view channel, std::span<const std::uint8_t> bytes) {
-        recorder.hear(now_us, bus, robot_id, channel, bytes);
-        Vehicle& vehicle = simulation.vehicle(index_of_robot(world, robot_id, ""));
-        if (channel == channel::kSetpoint) vehicle.on_setpoint(bytes);  // without the delay of the bus
-        if (channel == channel::kOwnTrajectory) vehicle.on_own_trajectory(bytes);
-      });
+  host->listen([&](std::int64_t now_us, BusId bus, int robot_id, std::string_view channel,
+                   std::span<const std::uint8_t> bytes) { recorder.hear(now_us, bus, robot_id, channel, bytes); });
   host->add_bus("swarm", delays.swarm_us, [&](int from_robot, int to_robot, std::int64_t now_us) {
     return link.deliveries(from_robot, to_robot, simulation.t_s(now_us));
   });
