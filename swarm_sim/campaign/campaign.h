@@ -1,4 +1,6 @@
 // Many flights in lock-step on all cores, a CSV row each as it ends.
+//
+// The room campaign/ stands on all others: options on the command line, trials, their rows and tables.
 #pragma once
 
 #include <filesystem>

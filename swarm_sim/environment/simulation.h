@@ -1,6 +1,9 @@
 // The environment of the robots, the same in every mode: the world moves on, vehicles track their setpoints, the judge
-// watches. Each robot senses it through a node of its own (environment_node.h); this is what these nodes share, and
-// whoever comes first moves it on. Stands on world/ alone and knows neither buses nor hosts.
+// watches. Each robot meets it through a node of its own (environment_node.h); this is what these nodes share, and
+// whoever comes first moves it on.
+//
+// The room environment/ stands on world/ and knows nothing of hosts, recordings or reports: whoever wants to know is
+// told of each tick.
 #pragma once
 
 #include <cstdint>

@@ -54,7 +54,7 @@ class LockstepHost {
   void crash(std::size_t seat, std::int64_t at_us, std::int64_t back_us);
   void listen(Listener listener) { listener_ = std::move(listener); }
 
-  // Until stop().
+  // Until stop(). Throws std::out_of_range when a node sends to a bus that it has not.
   void run();
   // Ends run() after all events of the present moment.
   void stop() { stopped_ = true; }
