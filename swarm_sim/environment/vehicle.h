@@ -6,7 +6,7 @@
 #include <span>
 
 #include "lcmtypes/bus/codec.h"
-#include "planner_daemon/trajectory/trajectory.h"
+#include "planner_daemon/trajectory/motion.h"
 
 namespace swarm {
 

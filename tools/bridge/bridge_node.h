@@ -12,7 +12,7 @@
 #include "lcmtypes/bus/header_source.h"
 #include "lcmtypes/bus/node.h"
 #include "lcmtypes/bus/option_set.h"
-#include "planner_daemon/trajectory/trajectory.h"
+#include "planner_daemon/trajectory/motion.h"
 #include "tools/bridge/mavlink.h"
 #include "tools/bridge/ned_frame.h"
 
