@@ -8,6 +8,7 @@
 #include "lcmtypes/bus/channels.h"
 #include "lcmtypes/bus/lcm_bus.h"
 #include "lcmtypes/bus/realtime_host.h"
+#include "planner_daemon/trajectory/motion.h"
 #include "tests/support/harness.h"
 #include "tests/support/simulated_autopilot.h"
 
