@@ -76,17 +76,16 @@ volatile std::sig_atomic_t interrupted = 0;
 RunReport fly(const RunOptions& run, const FlightOptions& flight, const World& world, const OccupiedCubes* static_map,
               BusLog* logs, TraceWriter* trace) {
   ProgressLine line;
+  const auto progress = [&](double t_s, const Simulation& simulation) {
+    line.show(t_s, simulation.judge());
+    return interrupted == 0;
+  };
   RunReport report;
   if (run.mode == "processes") {
-    report = run_processes(world, static_map, flight, run.processes, logs, trace,
-                           [&](double t_s, const Simulation& simulation) { line.show(t_s, simulation.judge()); });
+    report = run_processes(world, static_map, flight, run.processes, logs, trace, progress);
   } else {
     std::signal(SIGINT, [](int) { interrupted = 1; });
-    report = run_lockstep(world, static_map, flight, LockstepDelays(), logs, trace,
-                          [&](double t_s, const Simulation& simulation) {
-                            line.show(t_s, simulation.judge());
-                            return interrupted == 0;
-                          });
+    report = run_lockstep(world, static_map, flight, LockstepDelays(), logs, trace, progress);
     if (interrupted != 0) throw Interrupted();
   }
   line.done();

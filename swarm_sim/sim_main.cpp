@@ -2,8 +2,8 @@
 #include <string_view>
 
 #include "lcmtypes/bus/option_set.h"
-#include "swarm_sim/campaign/campaign.h"
-#include "swarm_sim/results/commit_audit.h"
+#include "swarm_sim/audit_command.h"
+#include "swarm_sim/campaign_command.h"
 #include "swarm_sim/run_command.h"
 #include "swarm_sim/world_command.h"
 

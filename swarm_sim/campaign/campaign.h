@@ -1,4 +1,6 @@
-// Many flights in lock-step on all cores, a CSV row each as it ends: `swarm_sim campaign` and `swarm_sim merge`.
+// Many flights in lock-step on all cores, a CSV row each as it ends.
+//
+// The room campaign/ stands on all others: options on the command line, trials, their rows and tables.
 #pragma once
 
 #include <filesystem>
@@ -45,9 +47,5 @@ bool fly_campaign(const std::vector<Trial>& trials, const FlightArguments& argum
 
 // Success, collisions, deadlocks and flight times by task, environment and number of obstacles, as a table.
 std::string campaign_table(const std::vector<TrialRow>& rows);
-
-// Subcommands; argv[0] is their name. 0: done, 2: bad input, after one line on stderr; 130 when interrupted.
-int campaign_command(int argc, const char* const* argv);
-int merge_command(int argc, const char* const* argv);
 
 }  // namespace swarm

@@ -5,7 +5,7 @@
 
 #include "lcmtypes/bus/option_set.h"
 #include "lcmtypes/bus/text.h"
-#include "swarm_sim/environment/simulation.h"
+#include "swarm_sim/hosts/flight_options.h"
 
 namespace swarm {
 

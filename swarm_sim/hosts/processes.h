@@ -1,13 +1,15 @@
-// Multi-process host: real daemons per robot over real multicast, each robot on its own onboard port as on a computer
-// of its own; this process is the world around them (obstacles, sensors, vehicles, judge), in real time.
+// Flights with real daemons over real multicast, each robot on its own onboard port as on a computer of its own. This
+// process starts the daemons and watches over them; the robots' environments run in it, in real time.
 #pragma once
 
 #include <filesystem>
-#include <functional>
 #include <stdexcept>
 #include <string>
 
 #include "swarm_sim/environment/simulation.h"
+#include "swarm_sim/hosts/flight_options.h"
+#include "swarm_sim/hosts/flight_progress.h"
+#include "swarm_sim/results/recorder.h"
 #include "swarm_sim/results/report.h"
 #include "swarm_sim/world/occupied_cubes.h"
 #include "swarm_sim/world/world.h"
@@ -32,9 +34,10 @@ struct Interrupted : std::runtime_error {
 };
 
 // Flies `world` to its end; all children have ended when this returns or throws. `logs` and `trace` may be null. Throws
-// std::runtime_error when a daemon cannot be started, does not get ready or dies, Interrupted on a signal.
+// std::runtime_error when a daemon cannot be started, does not get ready or dies, Interrupted on a signal or when
+// `progress` ends the run.
 RunReport run_processes(const World& world, const OccupiedCubes* static_map, const FlightOptions& options,
                         const ProcessOptions& processes, BusLog* logs, TraceWriter* trace,
-                        const std::function<void(double t_s, const Simulation&)>& progress);
+                        const ProgressCallback& progress);
 
 }  // namespace swarm

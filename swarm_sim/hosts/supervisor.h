@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "swarm_sim/environment/faults.h"
 #include "swarm_sim/hosts/child_processes.h"
+#include "swarm_sim/hosts/faults.h"
 
 namespace swarm {
 

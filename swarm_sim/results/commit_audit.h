@@ -68,8 +68,4 @@ class CommitAudit {
 // path and reason.
 CommitAudit audit_log(const std::filesystem::path& path, double clock_offset_ms = 0.0);
 
-// Subcommand; argv[0] is its name. 0: no conflict but with forced motions, 1: conflicts, 2: bad input, after one line
-// on stderr.
-int audit_command(int argc, const char* const* argv);
-
 }  // namespace swarm

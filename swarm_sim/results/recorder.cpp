@@ -36,6 +36,11 @@ void TraceWriter::write(double t_s, int robot_id, const MotionState& state) {
   if (!(out_ << line_)) fail(file_);
 }
 
+void TraceWriter::write(double t_s, const Simulation& simulation) {
+  const std::vector<WorldRobot>& robots = simulation.world().robots;
+  for (std::size_t i = 0; i < robots.size(); ++i) write(t_s, robots[i].id, simulation.vehicles()[i].state());
+}
+
 void TraceWriter::close() {
   out_.close();
   if (!out_) fail(file_);

@@ -14,7 +14,7 @@
 
 #include "lcmtypes/bus/atomic_file.h"
 #include "lcmtypes/bus/node.h"
-#include "planner_daemon/trajectory/bezier.h"
+#include "swarm_sim/environment/simulation.h"
 
 namespace swarm {
 
@@ -24,6 +24,8 @@ class TraceWriter {
   // Throws std::runtime_error with path and reason, as all members here and below.
   explicit TraceWriter(const std::filesystem::path& path);
   void write(double t_s, int robot_id, const MotionState& state);
+  // All robots of the world.
+  void write(double t_s, const Simulation& simulation);
   void close();
 
  private:

@@ -1,4 +1,7 @@
 // report.json and the table on the terminal: what came of a run.
+//
+// The room results/ holds what a flight leaves behind: trace, logs of the buses, audit of what was committed, report.
+// It reads the judge's verdict, so it stands on environment/; the hosts feed it.
 #pragma once
 
 #include <array>

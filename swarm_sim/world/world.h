@@ -1,4 +1,7 @@
 // A world: where robots start and go, what stands and moves around them, exactly and at any time.
+//
+// The room world/ holds what can be said of worlds without flying in them: files and lists of them, the seeded ones of
+// the paper, the static map, the robots' clocks. Nothing of the simulator stands below it.
 #pragma once
 
 #include <Eigen/Core>

@@ -84,9 +84,11 @@ TEST_F(CheckMachine, NamesWhoHasThePort) {
   address.sin_family = AF_INET;
   address.sin_port = htons(static_cast<std::uint16_t>(base_port()));
   ASSERT_EQ(::bind(taken, reinterpret_cast<const sockaddr*>(&address), sizeof address), 0);
+  std::string own_name = read_text("/proc/self/comm");
+  own_name.pop_back();
   const Finished finished = check();
   EXPECT_TRUE(says(finished, "FAIL  port " + std::to_string(base_port()) +
-                                 " of the swarm bus is used by another program (check_machine_t, process " +
+                                 " of the swarm bus is used by another program (" + own_name + ", process " +
                                  std::to_string(::getpid()) + ")"))
       << finished.out;
   EXPECT_TRUE(says(finished, "FAIL  the swarm bus cannot be opened")) << finished.out;

@@ -5,6 +5,7 @@
 #include "swarm_sim/world/world_generator.h"
 #include "swarm_sim/world/world_json.h"
 #include "tests/support/harness.h"
+#include "tests/support/sensor_phases.h"
 
 namespace swarm::test {
 namespace {
@@ -90,6 +91,8 @@ TEST_F(Processes, FlyToTheEnd) {
   EXPECT_NE(program.out().find("success"), std::string::npos) << program.out();
   for (const auto& robot : report["robots"]) EXPECT_GE(robot["plan_rate_hz"], 10.0) << program.out();
   for (const auto& robot : report["robots"]) EXPECT_GT(robot["clearance"]["robots"]["distance"], 0.0);
+  for (const int robot : {0, 1})
+    expect_sensor_phases(directory_ / "run" / ("robot" + std::to_string(robot) + ".lcm"), robot, 0.5);
 }
 
 // Each daemon crashes once, one robot is out of reach for three seconds, and the radio is bad.

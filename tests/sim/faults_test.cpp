@@ -1,5 +1,5 @@
 // Daemons that crash in flight: how it is asked for, and that the swarm gets over it.
-#include "swarm_sim/environment/faults.h"
+#include "swarm_sim/hosts/faults.h"
 
 #include <gtest/gtest.h>
 

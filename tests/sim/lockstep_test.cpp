@@ -10,6 +10,7 @@
 #include "lcmtypes/bus/channels.h"
 #include "swarm_sim/world/world_generator.h"
 #include "tests/support/harness.h"
+#include "tests/support/sensor_phases.h"
 
 namespace swarm::test {
 namespace {
@@ -199,6 +200,8 @@ TEST(Lockstep, LogsHoldEveryMessageAndWhatWasAnnouncedIsWhatWasFlown) {
     ++counts[channel];
   });
   for (const auto& [name, count] : flight.report.channels) EXPECT_EQ(counts[name], count.messages) << name;
+  for (const int robot : {0, 1})
+    expect_sensor_phases(flight.directory / ("robot" + std::to_string(robot) + ".lcm"), robot);
 
   // What a robot said last before a time tells where it is then.
   const auto trace = read_trace(flight.directory / "trace.csv");
@@ -274,7 +277,7 @@ TEST(Lockstep, ProgressIsReportedTenTimesASecondAndMayEndTheRun) {
   const RunReport report =
       run_lockstep(world, nullptr, {}, {}, nullptr, nullptr, [&](double t_s, const Simulation& simulation) {
         times.push_back(t_s);
-        EXPECT_EQ(simulation.num_robots(), 2u);
+        EXPECT_EQ(simulation.vehicles().size(), 2u);
         return t_s < 0.95;
       });
   ASSERT_EQ(times.size(), 11u);

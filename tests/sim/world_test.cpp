@@ -313,6 +313,7 @@ TEST(WorldFiles, ExampleWorldsAreAccepted) {
   if (!fs::exists(examples)) GTEST_SKIP() << "no example worlds at " << examples;
   int count = 0;
   for (const auto& entry : fs::directory_iterator(examples)) {
+    if (!entry.is_regular_file()) continue;
     const World world = read_world(entry.path());
     EXPECT_EQ(world.robots.size(), 4u) << entry.path();
     EXPECT_GT(world.obstacles.size(), 10u) << entry.path();

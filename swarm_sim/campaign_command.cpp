@@ -1,3 +1,5 @@
+#include "swarm_sim/campaign_command.h"
+
 #include <unistd.h>
 
 #include <algorithm>

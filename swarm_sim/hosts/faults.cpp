@@ -1,4 +1,4 @@
-#include "swarm_sim/environment/faults.h"
+#include "swarm_sim/hosts/faults.h"
 
 #include <algorithm>
 

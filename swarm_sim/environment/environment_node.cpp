@@ -1,0 +1,106 @@
+#include "swarm_sim/environment/environment_node.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+
+#include "lcmtypes/bus/channels.h"
+
+namespace swarm {
+namespace {
+
+constexpr std::int64_t kGoalPeriod_us = 1'000'000;
+
+sogm_swarm::obstacle_t to_message(int id, const Shape& shape, const ObstacleState& state, bool moves) {
+  sogm_swarm::obstacle_t message{};
+  message.id = id;
+  message.shape = static_cast<std::int16_t>(shape.kind);
+  Eigen::Map<Eigen::Vector3d>(message.position) = state.position;
+  if (moves) Eigen::Map<Eigen::Vector3d>(message.velocity) = state.velocity;
+  message.yaw = shape.yaw_rad;
+  Eigen::Map<Eigen::Vector3d>(message.size) = shape.size;
+  return message;
+}
+
+static_assert(static_cast<int>(Shape::Kind::kColumn) == sogm_swarm::obstacle_t::kColumn &&
+              static_cast<int>(Shape::Kind::kRing) == sogm_swarm::obstacle_t::kRing &&
+              static_cast<int>(Shape::Kind::kBox) == sogm_swarm::obstacle_t::kBox &&
+              static_cast<int>(Shape::Kind::kSphere) == sogm_swarm::obstacle_t::kSphere);
+
+}  // namespace
+
+EnvironmentNode::EnvironmentNode(Simulation& simulation, std::size_t index, double sensor_rate_hz)
+    : simulation_(simulation),
+      index_(index),
+      sensor_period_us_(std::llround(1e6 / sensor_rate_hz)),
+      last_tick_us_(simulation.now_us()),
+      state_headers_(simulation.world().robots[index].id, 0),
+      obstacle_headers_(state_headers_),
+      goal_headers_(state_headers_) {}
+
+std::vector<Subscription> EnvironmentNode::subscriptions() const {
+  return {{BusId::kOnboard, channel::kSetpoint}, {BusId::kOnboard, channel::kOwnTrajectory}};
+}
+
+void EnvironmentNode::on_message(std::int64_t, BusId, std::string_view channel, std::span<const std::uint8_t> bytes,
+                                 Outbox&) {
+  Vehicle& vehicle = simulation_.vehicle(index_);
+  if (channel == channel::kSetpoint) vehicle.on_setpoint(bytes);
+  if (channel == channel::kOwnTrajectory) vehicle.on_own_trajectory(bytes);
+}
+
+std::int64_t EnvironmentNode::step(std::int64_t now_us, Outbox& outbox) {
+  const std::int64_t until_us = now_us - kLatency_us;
+  simulation_.advance(until_us);
+  const std::int64_t wake_us = until_us - until_us % Simulation::kTick_us + Simulation::kTick_us + kLatency_us;
+  const std::int64_t tick_us = simulation_.now_us();
+  if (tick_us == last_tick_us_) return wake_us;
+  last_tick_us_ = tick_us;
+  const std::int64_t own_time = vehicle().own_time(tick_us);
+  const double t_s = simulation_.t_s(tick_us);
+  // Sensors of different robots are not synchronised.
+  const std::int64_t phase = tick_us + static_cast<std::int64_t>(index_) * Simulation::kTick_us;
+  if (phase / sensor_period_us_ != last_detection_) {
+    last_detection_ = phase / sensor_period_us_;
+    outbox.publish(BusId::kOnboard, channel::kObstacles, obstacles(own_time, t_s));
+  }
+  outbox.publish(BusId::kOnboard, channel::kRobotState, state(own_time));
+  if (t_s >= 0.0 && tick_us >= next_goal_us_) {
+    next_goal_us_ = tick_us + kGoalPeriod_us;
+    outbox.publish(BusId::kOnboard, channel::kGoal, goal(own_time));
+  }
+  return wake_us;
+}
+
+sogm_swarm::robot_state_t EnvironmentNode::state(std::int64_t own_time) {
+  sogm_swarm::robot_state_t message{};
+  message.header = state_headers_.next(own_time);
+  Eigen::Map<Eigen::Vector3d>(message.position) = vehicle().state().position;
+  Eigen::Map<Eigen::Vector3d>(message.velocity) = vehicle().state().velocity;
+  message.yaw = vehicle().yaw_rad();
+  return message;
+}
+
+sogm_swarm::obstacles_t EnvironmentNode::obstacles(std::int64_t own_time, double t_s) {
+  sogm_swarm::obstacles_t message{};
+  message.header = obstacle_headers_.next(own_time);
+  const World& world = simulation_.world();
+  for (std::size_t i = 0; i < world.obstacles.size(); ++i) {
+    const WorldObstacle& obstacle = world.obstacles[i];
+    const std::optional<ObstacleState> state = state_at(obstacle, world, std::max(t_s, 0.0));
+    if (!state || distance(obstacle.shape, vehicle().state().position - state->position) > world.sensing_radius_m)
+      continue;
+    message.obstacles.push_back(to_message(static_cast<int>(i), obstacle.shape, *state, t_s >= 0.0));
+  }
+  message.num_obstacles = static_cast<std::int32_t>(message.obstacles.size());
+  return message;
+}
+
+sogm_swarm::goal_t EnvironmentNode::goal(std::int64_t own_time) {
+  sogm_swarm::goal_t message{};
+  message.header = goal_headers_.next(own_time);
+  Eigen::Map<Eigen::Vector3d>(message.position) = simulation_.world().robots[index_].goal;
+  return message;
+}
+
+}  // namespace swarm

@@ -1,0 +1,40 @@
+// A simulated robot with a perfect flight controller: it is where its newest setpoint says.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+
+#include "lcmtypes/bus/codec.h"
+#include "planner_daemon/trajectory/motion.h"
+
+namespace swarm {
+
+class Vehicle {
+ public:
+  // At rest at `start`, W [m]; its clock is so much ahead of the world's.
+  Vehicle(int robot_id, const Eigen::Vector3d& start, std::int64_t clock_offset_us);
+
+  // A setpoint message; anything else, or another robot's, is ignored.
+  void on_setpoint(std::span<const std::uint8_t> bytes);
+  // The robot's own announcement: it follows what it is bound to while there are no setpoints.
+  void on_own_trajectory(std::span<const std::uint8_t> bytes);
+
+  // Moves on to `utime` of the world: the newest setpoint, carried on. Stays where it is before the first one.
+  void move_to(std::int64_t utime);
+
+  const MotionState& state() const { return state_; }
+  double yaw_rad() const { return yaw_rad_; }
+  // Of the robot's clock at `utime` of the world.
+  std::int64_t own_time(std::int64_t utime) const { return utime + clock_offset_us_; }
+
+ private:
+  int id_;
+  std::int64_t clock_offset_us_;
+  MotionState state_;
+  double yaw_rad_ = 0.0;
+  std::optional<sogm_swarm::setpoint_t> setpoint_;
+  std::optional<Motion> motion_;  // it is bound to
+};
+
+}  // namespace swarm

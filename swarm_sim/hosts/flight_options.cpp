@@ -1,0 +1,58 @@
+#include "swarm_sim/hosts/flight_options.h"
+
+#include <algorithm>
+
+#include "lcmtypes/bus/option_set.h"
+
+namespace swarm {
+namespace {
+
+constexpr double kSideRoom_m = 1.0;
+
+}  // namespace
+
+MapConfig map_config(const World& world, const WorldRobot& robot, const FlightOptions& options) {
+  MapConfig config = options.map;
+  config.robot_id = robot.id;
+  config.static_map = world.static_map;
+  return config;
+}
+
+PlannerNodeConfig planner_config(const World& world, const WorldRobot& robot, const FlightOptions& options) {
+  PlannerNodeConfig config = options.planner;
+  config.robot_id = robot.id;
+  config.planner.space.radius_m = robot.radius_m;
+  SearchLimits& limits = config.planner.limits;
+  limits.v_max_mps = world.speed_mps;
+  limits.a_max_mps2 = world.acceleration_mps2;
+  // The ground and the ceiling are solid. The sides are not: starts and goals may lie on them, and a robot needs room
+  // to step back.
+  limits.space_min = world.space.min + Eigen::Vector3d(-kSideRoom_m, -kSideRoom_m, robot.radius_m);
+  limits.space_max = world.space.max + Eigen::Vector3d(kSideRoom_m, kSideRoom_m, -robot.radius_m);
+  return config;
+}
+
+BroadcastConfig broadcast_config(const World& world, const WorldRobot& robot, const FlightOptions& options) {
+  BroadcastConfig config = options.broadcast;
+  config.robot_id = robot.id;
+  config.radius_m = robot.radius_m;
+  config.v_max_mps = world.speed_mps;
+  config.a_max_mps2 = world.acceleration_mps2;
+  config.roster.clear();
+  for (const WorldRobot& other : world.robots) config.roster.push_back(other.id);
+  return config;
+}
+
+std::size_t index_of_robot(const World& world, int id, const char* option) {
+  const auto robot = std::ranges::find(world.robots, id, &WorldRobot::id);
+  if (robot == world.robots.end())
+    throw OptionError(std::string(option) + ": the world has no robot " + std::to_string(id));
+  return static_cast<std::size_t>(robot - world.robots.begin());
+}
+
+void check_robots(const World& world, const FlightOptions& options) {
+  for (const Kill& kill : options.kills) (void)index_of_robot(world, kill.robot_id, "kill");
+  for (const LinkOutage& outage : options.link.outages) (void)index_of_robot(world, outage.robot_id, "link-outage");
+}
+
+}  // namespace swarm

@@ -1,0 +1,42 @@
+// What a run flies with, besides the world, in every mode.
+//
+// The room hosts/ makes flights: run_lockstep() puts the daemons' nodes and the environment's on the event queue of
+// lockstep_host.h, run_processes() starts real daemons around an environment in real time. Between robots stands the
+// link model, in the one on a simulated bus, in the other as a relay. Stands on environment/ and results/.
+#pragma once
+
+#include <vector>
+
+#include "map_daemon/map_node.h"
+#include "planner_daemon/coordination/broadcast_node.h"
+#include "planner_daemon/planner_node.h"
+#include "swarm_sim/hosts/faults.h"
+#include "swarm_sim/hosts/link_model.h"
+#include "swarm_sim/world/world.h"
+
+namespace swarm {
+
+// The daemons' configurations are those before identity, limits and space are filled in.
+struct FlightOptions {
+  double time_limit_s = 60.0;
+  double sensor_rate_hz = 20.0;  // of obstacle detections
+  MapConfig map;
+  PlannerNodeConfig planner;
+  BroadcastConfig broadcast;
+  LinkOptions link;              // between robots
+  double clock_offset_ms = 0.0;  // the lowest id's clock is so much behind the highest's; the others lie between
+  std::vector<Kill> kills;
+};
+
+// The daemons' configurations for one robot of a world.
+MapConfig map_config(const World& world, const WorldRobot& robot, const FlightOptions& options);
+PlannerNodeConfig planner_config(const World& world, const WorldRobot& robot, const FlightOptions& options);
+BroadcastConfig broadcast_config(const World& world, const WorldRobot& robot, const FlightOptions& options);
+
+// Of a robot in the world's order, by its id. Throws OptionError, beginning with `option`, where there is none.
+std::size_t index_of_robot(const World& world, int id, const char* option);
+
+// Throws OptionError where the options name a robot that the world has not.
+void check_robots(const World& world, const FlightOptions& options);
+
+}  // namespace swarm

@@ -1,0 +1,91 @@
+#include "swarm_sim/hosts/robot_watch.h"
+
+#include "lcmtypes/bus/channels.h"
+
+namespace swarm {
+namespace {
+
+constexpr std::int64_t kPeriod_us = 1'000'000;  // nothing is due by itself
+
+constexpr const char* kOnboardChannels[] = {
+    channel::kRobotState, channel::kObstacles,     channel::kObstacleVoxels, channel::kGoal,     channel::kSogm,
+    channel::kCandidate,  channel::kOwnTrajectory, channel::kPeerTrajectory, channel::kSetpoint, channel::kCorridors,
+    channel::kMapStatus,  channel::kPlannerStatus, channel::kBroadcastStatus};
+
+// False: it is no such message of this robot.
+template <class Message>
+bool read(std::span<const std::uint8_t> bytes, int robot_id, Message* message) {
+  Message newest{};
+  if (decode(bytes, &newest) != Refusal::kNone || newest.header.robot_id != robot_id) return false;
+  *message = newest;
+  return true;
+}
+
+}  // namespace
+
+RobotWatch::RobotWatch(int robot_id, SwarmShare share, BusRecorder& recorder)
+    : id_(robot_id), share_(share), recorder_(recorder) {}
+
+std::vector<Subscription> RobotWatch::subscriptions() const {
+  std::vector<Subscription> all;
+  for (const char* channel : kOnboardChannels) all.push_back({BusId::kOnboard, channel});
+  if (share_ != SwarmShare::kNone) all.push_back({BusId::kSwarm, channel::kTrajectory});
+  return all;
+}
+
+void RobotWatch::on_message(std::int64_t now_us, BusId bus, std::string_view channel,
+                            std::span<const std::uint8_t> bytes, Outbox&) {
+  sogm_swarm::announcement_t own;
+  if (bus == BusId::kSwarm && share_ == SwarmShare::kOwn && !read(bytes, id_, &own)) return;
+  recorder_.hear(now_us, bus, id_, channel, bytes);
+  if (bus == BusId::kSwarm) return;
+  if (channel == channel::kMapStatus) (void)read(bytes, id_, &map_);
+  if (channel == channel::kBroadcastStatus) (void)read(bytes, id_, &broadcast_);
+  if (channel == channel::kPlannerStatus) note_plan(bytes);
+}
+
+std::int64_t RobotWatch::step(std::int64_t now_us, Outbox&) {
+  return now_us + kPeriod_us;
+}
+
+void RobotWatch::note_plan(std::span<const std::uint8_t> bytes) {
+  const sogm_swarm::planner_status_t before = planner_;
+  if (!read(bytes, id_, &planner_)) return;
+  if (planner_.header.boot != before.header.boot) {  // it counts from 0 again
+    plans_before_ -= before.plans;
+    missed_before_ -= before.missed;
+  }
+  if (!started_ || planner_.plans == plans_seen_) return;
+  plans_seen_ = planner_.plans;
+  const double ms[] = {planner_.compose_ms,  planner_.search_ms, planner_.corridor_ms,
+                       planner_.optimize_ms, planner_.check_ms,  planner_.total_ms};
+  for (std::size_t i = 0; i < step_ms_.size(); ++i) step_ms_[i].push_back(ms[i]);
+}
+
+std::string RobotWatch::missing() const {
+  using sogm_swarm::broadcast_status_t;
+  if (broadcast_.header.utime == 0) return "broadcast_daemon: no status";
+  if (broadcast_.state == broadcast_status_t::kClock) return "broadcast_daemon: a peer's clock differs too much";
+  if (broadcast_.state != broadcast_status_t::kFlying)
+    return "broadcast_daemon: waits for the robot's state or for peers";
+  if (map_.header.utime == 0) return "map_daemon: no status";
+  if (planner_.plans == 0) return "planner_daemon: no plan";
+  return "";
+}
+
+void RobotWatch::mark_start() {
+  started_ = true;
+  plans_before_ = planner_.plans;
+  missed_before_ = planner_.missed;
+}
+
+RobotReport RobotWatch::counts() const {
+  RobotReport robot;
+  robot.plans = planner_.plans - plans_before_;
+  robot.missed = planner_.missed - missed_before_;
+  for (std::size_t i = 1; i < robot.refused.size(); ++i)
+    robot.refused[i] = map_.refused[i] + planner_.refused[i] + broadcast_.refused[i];
+  return robot;
+}
+
+}  // namespace swarm

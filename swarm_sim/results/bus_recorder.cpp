@@ -1,0 +1,26 @@
+#include "swarm_sim/results/bus_recorder.h"
+
+#include "lcmtypes/bus/channels.h"
+
+namespace swarm {
+
+void BusRecorder::hear(std::int64_t now_us, BusId bus, int robot_id, std::string_view channel,
+                       std::span<const std::uint8_t> bytes) {
+  if (log_ != nullptr) log_->write(bus, robot_id, now_us, channel, bytes);
+  auto count = channels_.find(channel);
+  if (count == channels_.end()) count = channels_.try_emplace(std::string(channel)).first;
+  ++count->second.messages;
+  count->second.bytes += static_cast<std::int64_t>(bytes.size());
+  if (bus == BusId::kSwarm && channel == channel::kTrajectory) audit_.collect(bytes);
+}
+
+void BusRecorder::finish(double clock_offset_ms, RunReport* report) {
+  for (const auto& [name, count] : channels_) {
+    report->channels[name].messages += count.messages;
+    report->channels[name].bytes += count.bytes;
+  }
+  audit_.finish(clock_offset_ms);
+  report->count_commits(audit_);
+}
+
+}  // namespace swarm

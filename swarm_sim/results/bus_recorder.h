@@ -1,0 +1,31 @@
+// Listens to what passes on the buses of a flight: the log, the counts, the audit.
+#pragma once
+
+#include <map>
+#include <string>
+
+#include "swarm_sim/results/commit_audit.h"
+#include "swarm_sim/results/recorder.h"
+#include "swarm_sim/results/report.h"
+
+namespace swarm {
+
+class BusRecorder {
+ public:
+  // `log` (may be null) must outlive it.
+  explicit BusRecorder(BusLog* log) : log_(log) {}
+
+  // One message, once for all who hear it. `robot_id`: of the sender.
+  void hear(std::int64_t now_us, BusId bus, int robot_id, std::string_view channel,
+            std::span<const std::uint8_t> bytes);
+
+  // Adds counts and audit to the report. `clock_offset_ms`: as in FlightOptions.
+  void finish(double clock_offset_ms, RunReport* report);
+
+ private:
+  BusLog* log_;
+  std::map<std::string, ChannelCount, std::less<>> channels_;
+  CommitAudit audit_;
+};
+
+}  // namespace swarm
