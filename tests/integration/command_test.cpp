@@ -124,8 +124,8 @@ TEST(RunCommand, BadOptionsAreRefusedByNameValueAndRule) {
   const std::string config = write_text(directory / "bad.cfg", "lead = fast\n");
   expect({"--planner-config", config}, {config, "lead = fast", "[0.005, 2] s"});
   expect({"--map-config", config}, {config, "unknown key 'lead'"});
-  write_text(directory / "bad.cfg", "tight-clearance = 0.1\n");
-  expect({"--planner-config", config}, {"--tight-clearance"});
+  write_text(directory / "bad.cfg", "emergency-clearance = 0.1\n");
+  expect({"--planner-config", config}, {"--emergency-clearance"});
   for (const char* mode : {"lockstep", "processes"}) {  // a file is in the way
     expect({"--mode", mode, "--out", world + "/run"}, {world + "/run"});
   }
