@@ -92,15 +92,16 @@ std::span<const sogm_t> SogmEncoder::encode(const Sogm& sogm, sogm_swarm::header
   packed_.resize(ZSTD_compressBound(raw_bytes));
   packed_size_ =
       ZSTD_compressCCtx(context_.get(), packed_.data(), packed_.size(), content_.data(), raw_bytes, kCompressionLevel);
-  const std::size_t num_parts = (packed_size_ + kMaxPartBytes - 1) / kMaxPartBytes;
+  constexpr std::size_t most = kMaxPartBytes;
+  const std::size_t num_parts = (packed_size_ + most - 1) / most;
   if (num_parts > kMaxParts) return {};
 
   header.utime = sogm.start_utime;
   parts_.resize(num_parts);
   for (std::size_t i = 0; i < num_parts; ++i) {
     sogm_t& part = parts_[i];
-    const auto begin = packed_.begin() + static_cast<std::ptrdiff_t>(i * kMaxPartBytes);
-    const std::size_t part_bytes = std::min(kMaxPartBytes, packed_size_ - i * kMaxPartBytes);
+    const auto begin = packed_.begin() + static_cast<std::ptrdiff_t>(i * most);
+    const std::size_t part_bytes = std::min(most, packed_size_ - i * most);
     part.header = header;
     part.frame_duration_us = static_cast<std::int32_t>(sogm.frame_duration_us);
     part.num_frames = static_cast<std::int16_t>(sogm.num_frames);

@@ -26,11 +26,6 @@ using namespace std::chrono_literals;
 constexpr std::int64_t kGoalPeriod_us = 1'000'000;
 constexpr std::int64_t kReadyTimeout_us = 20'000'000;
 
-constexpr const char* kOnboardChannels[] = {
-    channel::kRobotState, channel::kObstacles,     channel::kObstacleVoxels, channel::kGoal,     channel::kSogm,
-    channel::kCandidate,  channel::kOwnTrajectory, channel::kPeerTrajectory, channel::kSetpoint, channel::kCorridors,
-    channel::kMapStatus,  channel::kPlannerStatus, channel::kBroadcastStatus};
-
 // Removes itself and what it holds.
 class TemporaryDirectory {
  public:
@@ -94,7 +89,7 @@ class RobotEnvironment : public Node {
 
   std::vector<Subscription> subscriptions() const override {
     std::vector<Subscription> all;
-    for (const char* channel : kOnboardChannels) all.push_back({BusId::kOnboard, channel});
+    for (const char* channel : channels_of(BusId::kOnboard)) all.push_back({BusId::kOnboard, channel});
     if (hears_swarm_) all.push_back({BusId::kSwarm, channel::kTrajectory});
     return all;
   }
@@ -252,14 +247,6 @@ void refuse_used_bus(const std::string& url) {
 }
 
 }  // namespace
-
-std::string swarm_bus_url(int base_port, int ttl) {
-  return "udpm://239.255.76.68:" + std::to_string(base_port) + "?ttl=" + std::to_string(ttl);
-}
-
-std::string onboard_bus_url(int base_port, int robot_id) {
-  return "udpm://239.255.76.67:" + std::to_string(base_port + 33 + robot_id) + "?ttl=0";
-}
 
 RunReport run_processes(const World& world, const OccupiedCubes* static_map, const FlightOptions& options,
                         const ProcessOptions& processes, BusLog* logs, TraceWriter* trace,
