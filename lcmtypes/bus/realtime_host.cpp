@@ -58,7 +58,7 @@ class RealtimeHost::Seat : public Outbox {
  public:
   Seat(boost::asio::io_context& io, std::string name, Node& node, const std::string& onboard_url,
        const std::string& swarm_url, HostClock clock)
-      : name_(std::move(name)), node_(node), config_(clock), clock_(read_clocks()), timer_(io) {
+      : name_(std::move(name)), node_(node), config_(clock), clock_(clock.read()), timer_(io) {
     open(io, BusId::kOnboard, onboard_url);
     open(io, BusId::kSwarm, swarm_url);
     std::array<std::string, 2> channels;
@@ -137,7 +137,7 @@ class RealtimeHost::Seat : public Outbox {
   }
 
   std::int64_t now() {
-    const ClockReading reading = read_clocks();
+    const ClockReading reading = config_.read();
     const std::int64_t node_us = clock_.read(reading);
     return (config_.source == TimeSource::kClock ? node_us : reading.wall_us + replay_offset_us_) + config_.error_us;
   }

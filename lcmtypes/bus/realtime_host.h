@@ -22,7 +22,8 @@ enum class TimeSource { kClock, kMessages };
 
 struct HostClock {
   TimeSource source = TimeSource::kClock;
-  std::int64_t error_us = 0;  // added, to try what wrong clocks do
+  std::int64_t error_us = 0;              // added, to try what wrong clocks do
+  ClockReading (*read)() = &read_clocks;  // others, to try what clocks do that are set
 };
 
 // One thread, one event loop, any number of nodes, each with buses of its own.

@@ -35,8 +35,8 @@ struct AnyOrder {
 
 // Decodes and validates, then asks `from` (whose it is), checks the time and at last asks `order` (a SequenceGate, or
 // whatever takes the message and says so): a message that is refused before uses up no number. `from` and `order` take
-// the message and return a Refusal. From kNone on, and when it is `from`, time or `order` that refuse (kRobot, kTime,
-// kSequence or what they return), `message` is valid.
+// the message and return a Refusal. `message` is good after kNone, kTime and what only `from` or `order` return, as
+// kRobot and kSequence; after what decode() refuses it is unspecified.
 template <class T, class From, class Order>
 [[nodiscard]] Refusal receive(std::span<const std::uint8_t> bytes, const From& from, const TimeWindow& window,
                               Order&& order, T* message) {

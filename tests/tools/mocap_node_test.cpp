@@ -319,7 +319,7 @@ TEST(Mocap, ObstaclesAreNoYoungerThanNowWhenTheClockIsSetBack) {
   const auto only_the_door = [](double) { return json::array({make_body("door", {2, 2, 1})}); };
   capture.watch(0.3, only_the_door);
   EXPECT_EQ(capture.obstacles().num_obstacles, 2);
-  EXPECT_GE(capture.out.count(channel::kObstacles) - before, 8);  // each can be decoded
+  EXPECT_GE(capture.out.count(channel::kObstacles) - before, 7);  // each can be decoded
   EXPECT_EQ(capture.out.all<obstacles_t>(channel::kObstacles).back().obstacles.size(), 2u);
   capture.watch(0.3, only_the_door);
   EXPECT_EQ(capture.obstacles().num_obstacles, 1);
