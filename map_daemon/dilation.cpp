@@ -195,23 +195,23 @@ void Dilator::shape_ball() {
   const auto half_width = [this](int d2, int extent) {  // clipped to the window; -1 outside the ball
     return d2 > squared_ ? -1 : static_cast<int>(std::min<double>(std::floor(std::sqrt(squared_ - d2)), extent - 1));
   };
-  reach_x_ = half_width(0, size_.x());
-  reach_y_ = half_width(0, size_.y());
-  reach_z_ = half_width(0, size_.z());
+  radius_x_ = half_width(0, size_.x());
+  radius_y_ = half_width(0, size_.y());
+  radius_z_ = half_width(0, size_.z());
   // Half-widths fall with both offsets. So at a distance j along y, the rows in which the ball is at least h high are
   // those up to some distance along x: their union is one source of the level. What the level before has is left out.
   const auto farthest = [&](int h, int j) {
-    int i = reach_x_;
+    int i = radius_x_;
     while (i >= 0 && half_width(i * i + j * j, size_.z()) < h) --i;
     return i;
   };
   levels_.clear();
   level_sizes_.clear();
-  for (int h = reach_z_; h >= 0; --h) {
+  for (int h = radius_z_; h >= 0; --h) {
     Level& level = levels_.emplace_back();
-    for (int j = -reach_y_; j <= reach_y_; ++j) {
+    for (int j = -radius_y_; j <= radius_y_; ++j) {
       const int i = farthest(h, j);
-      if (i > (h == reach_z_ ? -1 : farthest(h + 1, j))) level.push_back({static_cast<std::size_t>(i), j});
+      if (i > (h == radius_z_ ? -1 : farthest(h + 1, j))) level.push_back({static_cast<std::size_t>(i), j});
     }
     level_sizes_.push_back(level.size());
   }
@@ -223,13 +223,13 @@ const std::uint64_t* Dilator::in_place(std::span<const Layer> layers, const Colu
   if (layers.size() != 1 || words_ != 1) return nullptr;
   const Layer& layer = layers.front();
   const Eigen::Vector2i first = columns.first - layer.columns.first, last = layer.columns.last - columns.last;
-  if (std::min(first.x(), last.x()) < reach_x_ || std::min(first.y(), last.y()) < reach_y_) return nullptr;
+  if (std::min(first.x(), last.x()) < radius_x_ || std::min(first.y(), last.y()) < radius_y_) return nullptr;
   return layer.words + static_cast<std::size_t>(first.x()) * layer.row + static_cast<std::size_t>(first.y());
 }
 
 bool Dilator::gather(std::span<const Layer> layers, const Columns& columns) {
-  const Eigen::Vector2i low(columns.first.x() - reach_x_, columns.first.y() - reach_y_);
-  const Eigen::Vector2i high(columns.last.x() + reach_x_, columns.last.y() + reach_y_);
+  const Eigen::Vector2i low(columns.first.x() - radius_x_, columns.first.y() - radius_y_);
+  const Eigen::Vector2i high(columns.last.x() + radius_x_, columns.last.y() + radius_y_);
   const Eigen::Vector2i from = low.cwiseMax(0), to = high.cwiseMin(size_.head<2>() - Eigen::Vector2i::Ones());
   const auto num_rows = static_cast<std::size_t>(high.x() - low.x() + 1);
   row_ = static_cast<std::size_t>(high.y() - low.y() + 1);
@@ -277,8 +277,8 @@ bool Dilator::gather(std::span<const Layer> layers, const Columns& columns) {
 // From the widest level on; what it has so far, each further level spreads and adds to.
 void Dilator::cover(const std::uint64_t* in, std::size_t pitch, std::size_t num_rows, std::size_t width,
                     std::uint64_t* out, std::size_t out_pitch) {
-  const auto words = static_cast<std::size_t>(words_), reach = static_cast<std::size_t>(reach_x_);
-  const auto margin = static_cast<std::size_t>(reach_y_);
+  const auto words = static_cast<std::size_t>(words_), reach = static_cast<std::size_t>(radius_x_);
+  const auto margin = static_cast<std::size_t>(radius_y_);
   const std::size_t n = (num_rows - 1) * pitch + width, wide = n + 2 * margin;
   if (unions_.size() < reach * words * wide) unions_.resize(reach * words * wide);
   for (std::size_t w = 0; w < words; ++w)
@@ -339,7 +339,7 @@ void Dilator::sample(std::span<const Layer> layers, int stride, const Columns& c
       for (std::size_t x = 0; x < num_x; ++x) std::fill_n(out + x * out_row, num_y * words, 0);
       return;
     }
-    in = planes_.data() + static_cast<std::size_t>(reach_x_) * row_ + reach_y_;
+    in = planes_.data() + static_cast<std::size_t>(radius_x_) * row_ + radius_y_;
     in_row = row_;
   }
   const auto width = static_cast<std::size_t>(columns.width()), step = static_cast<std::size_t>(stride);

@@ -30,7 +30,7 @@ class Dilator {
   void set(const GridGeometry& geometry, double radius_m);
 
   // How many columns the ball reaches to each side.
-  int reach() const { return std::max(reach_x_, reach_y_); }
+  int radius_voxels() const { return std::max(radius_x_, radius_y_); }
 
   // The union of the layers, dilated, in these columns (not none): all their words are set, from `out` on, rows along x
   // `out_row` words apart. The layers hold no bits outside the window.
@@ -56,7 +56,7 @@ class Dilator {
 
   Eigen::Vector3i size_ = Eigen::Vector3i::Zero();  // of the window
   double squared_ = -1.0;                           // of the radius [voxels^2], rounded down
-  int reach_x_ = 0, reach_y_ = 0, reach_z_ = 0;     // extent of the ball, at most the window's
+  int radius_x_ = 0, radius_y_ = 0, radius_z_ = 0;  // extent of the ball, at most the window's
   int words_ = 0;                                   // per column
   std::size_t row_ = 0, plane_size_ = 0;            // words
   struct Source {

@@ -10,14 +10,16 @@
 #include "map_daemon/sogm.h"
 #include "planner_daemon/corridor/corridor.h"
 #include "planner_daemon/optimize/spline_qp.h"
+#include "planner_daemon/search/escape.h"
 #include "planner_daemon/search/kinodynamic_search.h"
+#include "planner_daemon/search/static_heuristic.h"
 #include "planner_daemon/space/configuration_space.h"
-#include "planner_daemon/trajectory/trajectory.h"
+#include "planner_daemon/trajectory/motion.h"
 
 namespace swarm {
 
 struct PlannerConfig {
-  ZoneOptions zones;
+  ConfigurationSpaceOptions space;
   SearchLimits limits;  // flight space: of the robot's centre
   SearchOptions search;
   CorridorOptions corridor;
@@ -52,6 +54,21 @@ struct PlanResult {
   std::array<double, kNumPlanSteps> step_ms{};  // wall time; 0 without a stopwatch
 };
 
+// What could be flown next.
+struct Candidate {
+  enum class Kind {
+    kSmooth,   // the optimised trajectory
+    kRaw,      // the search's own path
+    kBlocked,  // the same, but it is not free all the way
+    kEscape,   // what violates least, in pieces of half the duration
+    kOwn,      // the motion already flown
+  };
+  Kind kind;
+  Trajectory trajectory;        // empty for the own motion
+  double violation_cost = 0.0;  // of the blocked space that it passes; 0: free
+  double time_to_goal_s = 0.0;  // from where it ends
+};
+
 class Planner {
  public:
   static constexpr double kUsableSpeed = 0.995;  // of v_max
@@ -66,37 +83,13 @@ class Planner {
   // Of the newest plan, for benchmarks: what was searched, the path found, what was optimised.
   const SearchProblem& search_problem() const { return search_problem_; }
   const SearchResult& path() const { return path_; }
-  const Occupancy& occupancy() const { return zones_.occupancy(); }
-  void build_cost_to_go(const PlanRequest& request);  // a part of some plans' searches: again
-  const SplineProblem& spline_problem() const { return problem_; }
+  const Occupancy& occupancy() const { return space_.occupancy(); }
+  void build_heuristics(const PlanRequest& request);  // a part of some plans' searches: again
+  const SplineProblem& spline_problem() const { return spline_problem_; }
 
  private:
-  void compose(const PlanRequest& request);
-  SearchStatus search(const PlanRequest& request);
-  bool grow_corridors(const PlanRequest& request);
-  bool optimize(const PlanRequest& request, Trajectory* smooth);
-  void check(const PlanRequest& request, bool smoothed, const Trajectory& smooth);
-  Trajectory raw_trajectory(const SearchResult& path, std::int32_t piece_us, std::int64_t start_utime) const;
-  bool within_limits(const Trajectory& trajectory) const;
-  void lap(PlanStep step);
-
-  PlannerConfig config_;
-  Stopwatch stopwatch_;
-  std::int64_t lap_ns_ = 0;
-  CostToGo cost_to_go_;
-  KinodynamicSearch search_, quick_search_;
-  std::int32_t quick_piece_us_;
-  bool looks_finer_ = false;  // the newest search got stuck: the next one takes finer steps
-  bool keeps_own_ = false;    // the search got stuck, and the own motion ends nearer to the goal
-  bool in_danger_ = false;    // starts in blocked space, or nothing survives
-  CorridorBuilder corridors_;
-  std::vector<SplineQp> optimizers_;  // [n - 1]: for n pieces
-  SplineProblem problem_;
-  SplineSolution solution_;
-  Reach reach_;  // of the robot: all that the plan can touch
-  Zones zones_;
   // What looks far ahead serves several plans: made from which map, to which goal.
-  struct Made {
+  struct CacheKey {
     std::int64_t utime = 0;
     Eigen::Vector3i size = Eigen::Vector3i::Zero();  // of the window [voxels]
     double resolution_m = 0.0;
@@ -104,12 +97,45 @@ class Planner {
 
     bool serves(const PlanRequest& request, std::int64_t longest_us) const;
   };
-  static Made made_for(const PlanRequest& request);
-  Guidance guidance_;
-  bool is_guided_ = false;
-  Made guidance_made_, cost_to_go_made_;
-  SearchProblem search_problem_;  // refers to the zones and the cost to go
-  SearchResult path_, other_path_, quick_path_;
+  static CacheKey cache_key(const PlanRequest& request);
+
+  void compose(const PlanRequest& request);
+  SearchStatus search(const PlanRequest& request);
+  [[nodiscard]] bool grow_corridors(const PlanRequest& request);
+  [[nodiscard]] bool optimize(const PlanRequest& request, Trajectory* smooth);
+  bool is_within_limits(const Trajectory& trajectory) const;
+  // Free and within the limits.
+  bool is_flyable(const Trajectory& trajectory);
+  // A candidate more: the path of the search, or what became of it.
+  void add_planned(Candidate::Kind kind, const Trajectory& trajectory);
+  // Two candidates more: the way out that violates least, and the own motion; and what all of them violate.
+  void add_escape(const PlanRequest& request);
+  // A candidate more: the own motion, if it is free.
+  void add_own_motion(const PlanRequest& request);
+  void choose();
+  void lap(PlanStep step);
+
+  PlannerConfig config_;
+  Stopwatch stopwatch_;
+  std::int64_t lap_ns_ = 0;
+
+  ConfigurationSpace space_;
+  ReachableSet reachable_;  // of the robot: all that the plan can touch
+  StaticHeuristic static_heuristic_;
+  SpaceTimeHeuristic space_time_heuristic_;
+  CacheKey static_key_, space_time_key_;
+  KinodynamicSearch search_;
+  EscapeSearch escape_search_;
+  std::int32_t escape_piece_us_;
+  bool searches_finer_ = false;  // the newest search got stuck: the next one takes finer steps
+  CorridorBuilder corridor_builder_;
+  std::vector<SplineQp> optimizers_;  // [n - 1]: for n pieces
+
+  SearchProblem search_problem_;  // refers to space and heuristic
+  SearchResult path_, other_path_, escape_path_;
+  SplineProblem spline_problem_;
+  SplineSolution spline_solution_;
+  std::vector<Candidate> candidates_;  // of the newest plan, the preferred first
   PlanResult result_;
 };
 

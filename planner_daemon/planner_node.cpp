@@ -7,6 +7,7 @@
 #include <stdexcept>
 
 #include "lcmtypes/bus/channels.h"
+#include "planner_daemon/space/first_touch.h"
 
 namespace swarm {
 namespace {
@@ -32,19 +33,19 @@ std::int64_t to_us(double seconds) {
 void declare(OptionSet& options, PlannerNodeConfig& config) {
   PlannerConfig& planner = config.planner;
   options.add("robot-id", &config.robot_id, 0, 32767, "", "this robot");
-  options.add("radius", &planner.zones.radius_m, 0.01, 10, "m", "of the sphere that holds the robot");
-  options.add("clearance", &planner.zones.clearance_m, 0, 5, "m",
+  options.add("radius", &planner.space.radius_m, 0.01, 10, "m", "of the sphere that holds the robot");
+  options.add("clearance", &planner.space.clearance_m, 0, 5, "m",
               "beyond the radius, to occupied voxels: free space of search, corridor and check");
-  options.add("tight-clearance", &planner.zones.tight_m, 0, 5, "m",
-              "in an emergency, when nothing survives: given up last before a touch");
-  options.add("comfort", &planner.zones.comfort_m, 0, 5, "m",
+  options.add("emergency-clearance", &planner.space.emergency_clearance_m, 0, 5, "m",
+              "in an emergency, when nothing survives: given up last before a collision");
+  options.add("inflation", &planner.space.inflation_m, 0, 5, "m",
               "beyond the clearance: avoided where that costs little time");
-  options.add("berth", &planner.zones.berth_m, 0, 5, "m",
+  options.add("silent-peer-margin", &planner.space.silent_peer_margin_m, 0, 5, "m",
               "around peers that have fallen silent, where that costs little time: they may have to step aside unseen");
-  options.add("wake", &planner.zones.wake_s, 0, 2, "s",
-              "where an obstacle was until this long before is its wake, and avoided: it may turn");
-  options.add("v-max", &planner.limits.v_max, 0.01, 100, "m/s", "speed limit per axis");
-  options.add("a-max", &planner.limits.a_max, 0.01, 1000, "m/s^2", "acceleration limit per axis");
+  options.add("recently-occupied", &planner.space.recently_occupied_s, 0, 2, "s",
+              "where an obstacle was until this long before is avoided: it may turn");
+  options.add("v-max", &planner.limits.v_max_mps, 0.01, 100, "m/s", "speed limit per axis");
+  options.add("a-max", &planner.limits.a_max_mps2, 0.01, 1000, "m/s^2", "acceleration limit per axis");
   options.add("space-min", &planner.limits.space_min, -1e5, 1e5, "m",
               "flight space of the robot's centre, lower corner");
   options.add("space-max", &planner.limits.space_max, -1e5, 1e5, "m",
@@ -53,19 +54,20 @@ void declare(OptionSet& options, PlannerNodeConfig& config) {
               "duration of a motion primitive and trajectory piece");
   options.add("pieces", &planner.search.num_pieces, 2, Trajectory::kMaxPieces, "",
               "horizon in pieces, braking to rest included");
-  options.add("max-expansions", &planner.search.max_expansions, 10, 100'000, "", "budget of the search");
-  options.add("near-weight", &planner.search.near_weight, 0, 100, "",
-              "cost of a second within the comfort distance, in seconds of flight");
-  options.add("wake-weight", &planner.search.wake_weight, 0, 100, "",
-              "cost of a second in an obstacle's wake, on top, in seconds of flight");
-  options.add("corridor-reach", &planner.corridor.reach_m, 0.1, 10, "m", "how far a corridor reaches beyond its piece");
+  options.add("max-expansions", &planner.search.max_expansions, 10, 5000, "", "budget of the search; 10 kB each");
+  options.add("inflation-weight", &planner.search.inflation_weight, 0, 100, "",
+              "cost of a second within the inflation, in seconds of flight");
+  options.add("recently-occupied-weight", &planner.search.recently_occupied_weight, 0, 100, "",
+              "cost of a second where an obstacle was recently, on top, in seconds of flight");
+  options.add("corridor-extent", &planner.corridor.extent_m, 0.1, 10, "m",
+              "how far a corridor extends beyond its piece");
   options.add(
       "lead", &config.lead_s, 0.005, 2, "s",
       "from the start of planning to the announcement; the plan begins later still by what the peers' answers take");
   options.add("period", &config.period_s, 0, 10, "s", "least time between plans; every newer map is planned with");
   options.add("stale-map", &config.stale_map_s, 0.05, 10, "s", "an older map is not planned with");
   options.add(
-      "clock-error", &planner.zones.clock_error_s, 0, 1, "s",
+      "clock-error", &planner.space.clock_error_s, 0, 1, "s",
       "clocks of two robots differ by at most this: peers are avoided as if they came so much earlier or later");
   options.add("clock-limit", &config.clock_limit_s, 0.001, 10, "s", "messages from further in the future are refused");
 }
@@ -77,8 +79,8 @@ void verify(const PlannerNodeConfig& config) {
       throw OptionError("--space-min: must be below --space-max on every axis");
     }
   }
-  if (config.planner.zones.tight_m > config.planner.zones.clearance_m)
-    throw OptionError("--tight-clearance: must be at most --clearance");
+  if (config.planner.space.emergency_clearance_m > config.planner.space.clearance_m)
+    throw OptionError("--emergency-clearance: must be at most --clearance");
   try {
     KinodynamicSearch probe(limits, config.planner.search);
   } catch (const std::invalid_argument& error) {
@@ -224,7 +226,7 @@ std::int64_t PlannerNode::step(std::int64_t now_us, Outbox& outbox) {
 }
 
 std::int64_t PlannerNode::touch_utime(std::int64_t now_us, std::int64_t until_utime) const {
-  return first_touch(map_, *own_, config_.planner.zones.blocked_m(), now_us, until_utime);
+  return first_touch(map_, *own_, config_.planner.space.blocked_m(), now_us, until_utime);
 }
 
 // Late enough for the peers' answers; but an obstacle's way is left before it comes, and the earlier the more time
@@ -245,7 +247,7 @@ std::int64_t PlannerNode::start_utime(std::int64_t now_us) {
 std::optional<Eigen::Vector3d> PlannerNode::place_apart(std::int64_t utime) const {
   const Eigen::Vector3d place = own_->at(utime).position;
   if (own_->end_utime() > utime || (place - request_.goal).norm() < kArrived_m) return {};
-  const double usual_m = config_.planner.zones.blocked_m() + 0.5 * map_.geometry.resolution_m;
+  const double usual_m = config_.planner.space.blocked_m() + 0.5 * map_.geometry.resolution_m;
   for (const Peer& peer : peer_list_) {
     if (peer.motion.end_utime() > utime) continue;
     const Eigen::Vector3d away = place - peer.motion.at(utime).position;

@@ -1,6 +1,7 @@
 #include <iostream>
 #include <string_view>
 
+#include "lcmtypes/bus/option_set.h"
 #include "swarm_sim/campaign/campaign.h"
 #include "swarm_sim/results/commit_audit.h"
 #include "swarm_sim/run_command.h"
@@ -15,7 +16,8 @@ constexpr const char* kUsage =
     "  swarm_sim campaign [options] --out R  flies many seeded worlds in lock-step, a CSV row a trial\n"
     "  swarm_sim merge R... -o FILE          joins the results of a campaign's shards\n"
     "  swarm_sim audit LOG...                looks for committed trajectories that meet\n"
-    "Each subcommand explains itself with --help. Exit codes: 0 success, 1 flown but not successful, 2 bad input.\n";
+    "Each subcommand explains itself with --help; --version prints the version. Exit codes: 0 success, 1 flown but not "
+    "successful, 2 bad input.\n";
 
 }  // namespace
 
@@ -28,6 +30,10 @@ int main(int argc, char** argv) {
   if (command == "audit") return swarm::audit_command(argc - 1, argv + 1);
   if (command == "--help" || command == "-h") {
     std::cout << kUsage;
+    return 0;
+  }
+  if (command == "--version") {
+    std::cout << swarm::version_line("swarm_sim") << '\n';
     return 0;
   }
   std::cerr << "swarm_sim: "

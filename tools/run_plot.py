@@ -1,6 +1,6 @@
 """Draws a run of `swarm_sim run --out DIR`: seen from above, speed and clearance over time; or a movie.
 
-Called by tools/plot_run as: run_plot.py DIR OUT [TIME_S], and by tools/movie as: run_plot.py DIR OUT.mp4|OUT.gif --movie SPEED
+Called by tools/plot_run as: run_plot.py DIR OUT [TIME_S], and by tools/movie as: run_plot.py DIR OUT.mp4|.gif|.svg --movie SPEED
 Reads world.json, trace.csv and report.json. Knows the obstacles' motion and distance from world.json by itself, so that
 what it draws also checks what swarm_sim reports. A static map is not drawn.
 """
@@ -17,6 +17,7 @@ matplotlib.use("Agg")
 matplotlib.rcParams.update({"font.size": 9, "svg.hashsalt": "sogm_swarm", "axes.spines.top": False, "axes.spines.right": False})
 import matplotlib.pyplot as plt  # noqa: E402
 import numpy as np  # noqa: E402
+from run_animation import animation  # noqa: E402
 
 COLORS = plt.get_cmap("tab10").colors
 SOLID = {"facecolor": "#c8c8c8", "edgecolor": "#707070", "linewidth": 0.7}
@@ -212,7 +213,6 @@ def movie(run, out, speed):
         ffmpeg.stdin.close()
     if ffmpeg.returncode != 0:
         raise BadInput(f"{out}: ffmpeg could not write it")
-    print(f"movie: {out}")
 
 
 class UpTo(Run):
@@ -226,7 +226,10 @@ class UpTo(Run):
 def main(directory, out, *rest):
     run = Run(directory)
     if rest[:1] == ("--movie",):
-        movie(run, pathlib.Path(out), float(rest[1]))
+        out = pathlib.Path(out)
+        draw = animation if out.suffix == ".svg" else movie
+        draw(run, out, float(rest[1]))
+        print(f"movie: {out}")
     else:
         plot(run, pathlib.Path(out), float(rest[0]) if rest else None)
 
@@ -234,6 +237,6 @@ def main(directory, out, *rest):
 if __name__ == "__main__":
     try:
         main(*sys.argv[1:])
-    except BadInput as error:
+    except (BadInput, OSError) as error:
         print(f"{pathlib.Path(sys.argv[0]).stem}: {error}", file=sys.stderr)
         sys.exit(2)

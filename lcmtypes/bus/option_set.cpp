@@ -142,6 +142,10 @@ std::function<bool(const std::string&)> number_setter(Number* value, Number low,
 
 }  // namespace
 
+std::string version_line(const std::string& program) {
+  return program.substr(0, program.find(' ')) + " " SWARM_VERSION;
+}
+
 OptionSet::OptionSet(std::string program, std::string usage) : program_(std::move(program)), usage_(std::move(usage)) {}
 
 void OptionSet::add(const std::string& name, double* value, double low, double high, const std::string& unit,
@@ -247,9 +251,11 @@ OptionSet::Parsed OptionSet::parse(int argc, const char* const* argv, std::ostre
     if (const std::string initial = entry.get(); !initial.empty()) semantic->default_value(initial);
     options.add_options()(entry.name.c_str(), semantic, explanation(entry).c_str());
   }
-  meta.add_options()("config", po::value<std::string>()->value_name("file"),
-                     "read options from it: name = value  # ...")(
-      "print-config", "print the options in force as a config file")("help", "print this");
+  auto add_meta = meta.add_options();
+  add_meta("config", po::value<std::string>()->value_name("file"), "read options from it: name = value  # ...");
+  add_meta("print-config", "print the options in force as a config file");
+  add_meta("version", "print the version");
+  add_meta("help", "print this");
   po::options_description all(kColumns);
   all.add(options).add(meta);
 
@@ -258,6 +264,10 @@ OptionSet::Parsed OptionSet::parse(int argc, const char* const* argv, std::ostre
     std::ostringstream table;
     table << all;
     print_help(table.str(), out);
+    return Parsed::kExit;
+  }
+  if (find(command_line, "version") != nullptr) {
+    out << version_line(program_) << "\n";
     return Parsed::kExit;
   }
   const auto entry_of = [this](const std::string& name) {

@@ -1,4 +1,4 @@
-// Options of a program: command line, config file, --help and --print-config from one declaration.
+// Options of a program: command line, config file, --help, --print-config and --version from one declaration.
 #pragma once
 
 #include <Eigen/Core>
@@ -15,11 +15,14 @@ struct OptionError : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
+// "PROGRAM 0.2.0": the first word of `program` (not its sub-command) and the version of all programs of this tree.
+std::string version_line(const std::string& program);
+
 // Declares options that write into a config struct; the struct's initial values are the defaults. All over
 // Boost.Program_options. An option is `name` on the command line (--name VALUE) and in the config file (name = VALUE).
 class OptionSet {
  public:
-  enum class Parsed { kRun, kExit };  // kExit: --help or --print-config was printed
+  enum class Parsed { kRun, kExit };  // kExit: --help, --version or --print-config was printed
 
   // `usage`: what the program does, shown above the options.
   OptionSet(std::string program, std::string usage);
@@ -44,7 +47,7 @@ class OptionSet {
   void add_positional(const std::string& name, std::vector<std::string>* values, const std::string& help);
 
   // Command line wins over --config FILE wins over defaults. Unknown names, repeated or malformed values throw
-  // OptionError. --help and --print-config go to `out`; the latter prints a valid config file.
+  // OptionError. --help, --version and --print-config go to `out`; the last prints a valid config file.
   Parsed parse(int argc, const char* const* argv, std::ostream& out);
 
  private:

@@ -35,8 +35,8 @@ void declare(OptionSet& options, BroadcastConfig& config) {
   options.add("robot-id", &config.robot_id, 0, 32767, "", "this robot");
   options.add("roster", &config.roster, 0, 32767, "ids of all robots that fly; this one may be among them");
   options.add("radius", &config.radius_m, 0.01, 10, "m", "of the sphere that holds the robot");
-  options.add("v-max", &config.v_max, 0.01, 100, "m/s", "speed limit per axis");
-  options.add("a-max", &config.a_max, 0.01, 1000, "m/s^2", "acceleration limit per axis");
+  options.add("v-max", &config.v_max_mps, 0.01, 100, "m/s", "speed limit per axis");
+  options.add("a-max", &config.a_max_mps2, 0.01, 1000, "m/s^2", "acceleration limit per axis");
   options.add("separation", &config.separation_m, 0, 10, "m", "kept between the surfaces of committed motions");
   options.add("announce-period", &config.announce_s, 0.005, 10, "s", "repetition of the announcement");
   options.add("lively-period", &config.lively_s, 0.005, 10, "s",
@@ -151,8 +151,8 @@ Rejection BroadcastNode::examine(std::int64_t now_us, const Trajectory& candidat
   }
   for (std::int64_t t = start; t < candidate.end_utime(); t += 10'000) {
     const MotionState state = candidate.at(t);
-    if (state.velocity.cwiseAbs().maxCoeff() > 1.01 * config_.v_max ||
-        state.acceleration.cwiseAbs().maxCoeff() > 1.01 * config_.a_max) {
+    if (state.velocity.cwiseAbs().maxCoeff() > 1.01 * config_.v_max_mps ||
+        state.acceleration.cwiseAbs().maxCoeff() > 1.01 * config_.a_max_mps2) {
       return Rejection::kLimits;
     }
   }

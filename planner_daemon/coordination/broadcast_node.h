@@ -25,8 +25,8 @@ struct BroadcastConfig {
   int robot_id = 0;
   double radius_m = 0.2;
   std::vector<int> roster;      // ids of all other robots: nothing is committed before each was heard
-  double v_max = 2.0;           // per axis [m/s]: candidates beyond are rejected
-  double a_max = 6.0;           // per axis [m/s^2]
+  double v_max_mps = 2.0;       // per axis [m/s]: candidates beyond are rejected
+  double a_max_mps2 = 6.0;      // per axis [m/s^2]
   double separation_m = 0.02;   // kept between surfaces of committed motions
   double announce_s = 0.05;     // repetition of the announcement
   double lively_s = 0.02;       // the same right after news

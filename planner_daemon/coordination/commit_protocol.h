@@ -39,7 +39,7 @@
 #include <optional>
 #include <vector>
 
-#include "planner_daemon/trajectory/trajectory.h"
+#include "planner_daemon/trajectory/motion.h"
 
 namespace swarm {
 

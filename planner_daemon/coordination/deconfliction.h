@@ -4,7 +4,7 @@
 
 #include <cstdint>
 
-#include "planner_daemon/trajectory/trajectory.h"
+#include "planner_daemon/trajectory/motion.h"
 
 namespace swarm {
 

@@ -7,7 +7,7 @@
 #include <span>
 #include <vector>
 
-#include "planner_daemon/trajectory/trajectory.h"
+#include "planner_daemon/trajectory/motion.h"
 
 namespace swarm {
 

@@ -30,7 +30,7 @@ void CorridorBuilder::extract_surface(const Occupancy& occupancy, double blocked
   dilator_.set(grid, blocked_m);
   layers_.clear();
   for (int frame = first_frame; frame <= last_frame; ++frame)
-    occupancy.append_layers(frame, box.grown(dilator_.reach(), grid), &layers_);
+    occupancy.append_layers(frame, box.grown(dilator_.radius_voxels(), grid), &layers_);
   const auto words = static_cast<std::size_t>(grid.words_per_column());
   const auto width = static_cast<std::size_t>(box.width()), depth = static_cast<std::size_t>(high.x() - low.x() + 1);
   const std::size_t row = (width + 2) * words;
@@ -62,8 +62,8 @@ FiriStatus CorridorBuilder::build(const ControlPoints& piece, const Occupancy& o
                                   std::int64_t from_utime, std::int64_t to_utime, Polytope* polytope) {
   const Eigen::Vector3d seed_min = piece.rowwise().minCoeff(), seed_max = piece.rowwise().maxCoeff();
   // A seed that leaves the flight space (the robot comes back from outside) widens the box.
-  const Eigen::Vector3d lower = (seed_min.array() - options_.reach_m).matrix().cwiseMax(space_min_).cwiseMin(seed_min);
-  const Eigen::Vector3d upper = (seed_max.array() + options_.reach_m).matrix().cwiseMin(space_max_).cwiseMax(seed_max);
+  const Eigen::Vector3d lower = (seed_min.array() - options_.extent_m).matrix().cwiseMax(space_min_).cwiseMin(seed_min);
+  const Eigen::Vector3d upper = (seed_max.array() + options_.extent_m).matrix().cwiseMin(space_max_).cwiseMax(seed_max);
   const Sogm& sogm = *occupancy.sogm;
   extract_surface(occupancy, blocked_m, sogm.frame_at(from_utime), sogm.frame_at(to_utime - 1), lower, upper);
   FiriOptions firi;

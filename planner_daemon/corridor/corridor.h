@@ -8,13 +8,13 @@
 
 #include "planner_daemon/corridor/firi.h"
 #include "planner_daemon/corridor/polytope.h"
-#include "planner_daemon/space/swept_volume.h"
-#include "planner_daemon/trajectory/trajectory.h"
+#include "planner_daemon/space/occupancy.h"
+#include "planner_daemon/trajectory/bezier.h"
 
 namespace swarm {
 
 struct CorridorOptions {
-  double reach_m = 0.6;  // a polytope reaches this far beyond its piece's control points
+  double extent_m = 0.6;  // a polytope extends this far beyond its piece's control points
   double log_volume_gap = FiriOptions().log_volume_gap;  // see there
 };
 

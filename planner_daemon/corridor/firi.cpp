@@ -266,9 +266,9 @@ bool Firi::separate(const Vector3d& obstacle, const Matrix3d& to_ball, const Vec
   Vector3d a;
   if (shortest_vector(worst, &a)) {
     const Vector3d normal = (to_ball * a).normalized();
-    const double wanted = normal.dot(obstacle) - half_extent_m * normal.lpNorm<1>(), seed_reach = reach(normal);
-    if (seed_reach <= wanted + kTouching_m) {
-      add_face(normal, std::max(wanted, seed_reach));
+    const double wanted = normal.dot(obstacle) - half_extent_m * normal.lpNorm<1>(), seed_support = support(normal);
+    if (seed_support <= wanted + kTouching_m) {
+      add_face(normal, std::max(wanted, seed_support));
       return true;
     }
   }
@@ -291,7 +291,7 @@ bool Firi::separate_closest(const Vector3d& obstacle) {
   Vector3d a;
   if (!shortest_vector(worst, &a)) return false;
   const Vector3d normal = a.normalized();
-  const double offset = reach(normal), margin = normal.dot(obstacle) - offset;
+  const double offset = support(normal), margin = normal.dot(obstacle) - offset;
   if (!(margin >= 2.0 * kTouching_m)) return false;
   // Another face may keep as much of the cube out already.
   for (int i = 0; i < num_faces_; ++i) {
@@ -327,7 +327,7 @@ bool Firi::inflate(double log_volume_gap, Ellipsoid* ellipsoid) const {
   return false;
 }
 
-double Firi::reach(const Vector3d& normal) const {
+double Firi::support(const Vector3d& normal) const {
   double most = -INFINITY;
   for (const Vector3d& point : seed_) most = std::max(most, normal.dot(point));
   return most;

@@ -67,7 +67,7 @@ class Firi {
   bool separate(const Eigen::Vector3d& obstacle, const Eigen::Matrix3d& to_ball, const Eigen::Vector3d& center,
                 double half_extent_m);
   bool separate_closest(const Eigen::Vector3d& obstacle);
-  double reach(const Eigen::Vector3d& normal) const;
+  double support(const Eigen::Vector3d& normal) const;
   void add_face(const Eigen::Vector3d& normal, double offset);
 
   std::vector<Eigen::Vector3d> seed_, seed_in_ball_;

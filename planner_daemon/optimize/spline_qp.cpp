@@ -102,7 +102,7 @@ struct SplineQp::Impl {
   const int freedom;  // per axis
   const std::vector<double> durations_s;
   double horizon_s = 0.0;
-  double jerk_cap = 0.0;    // times a_max^2: no feasible curve has a greater jerk integral
+  double jerk_cap = 0.0;    // times a_max_mps2^2: no feasible curve has a greater jerk integral
   Eigen::MatrixXd root;     // jerk_root
   Eigen::MatrixXd optimum;  // num_acc x 4: unconstrained optimum per (start acc, end acc, velocity gain, position gain)
   Eigen::MatrixXd response_acc;  // num_acc x freedom: accelerations per y
@@ -227,8 +227,8 @@ void SplineQp::Impl::integrate(Matrix* curve) const {
 // False: some input is not a number, which meets no bound.
 bool SplineQp::Impl::load(const SplineProblem& problem) {
   bool valid = true;
-  acc_limit = problem.a_max + kSlack;
-  vel_limit = problem.v_max + kSlack;
+  acc_limit = problem.a_max_mps2 + kSlack;
+  vel_limit = problem.v_max_mps + kSlack;
   const Eigen::Vector3d& origin = problem.start.position;
   faces.clear();
   for (int k = 0; k < pieces; ++k) {
@@ -417,8 +417,8 @@ SplineStatus SplineQp::solve(const SplineProblem& problem, SplineSolution* solut
   if (corridors != impl_->pieces) {
     reject("corridors.size()", std::to_string(corridors), "the number of pieces, " + std::to_string(impl_->pieces));
   }
-  if (!(problem.v_max > 0.0)) reject("v_max", std::to_string(problem.v_max), "> 0 m/s");
-  if (!(problem.a_max > 0.0)) reject("a_max", std::to_string(problem.a_max), "> 0 m/s^2");
+  if (!(problem.v_max_mps > 0.0)) reject("v_max_mps", std::to_string(problem.v_max_mps), "> 0 m/s");
+  if (!(problem.a_max_mps2 > 0.0)) reject("a_max_mps2", std::to_string(problem.a_max_mps2), "> 0 m/s^2");
   const bool valid = impl_->load(problem);
   impl_->evaluate();
   solution->iterations = 0;

@@ -19,8 +19,8 @@ struct EndState {
 
 struct SplineProblem {
   EndState start, end;
-  double v_max = 2.0;               // per axis [m/s], > 0
-  double a_max = 6.0;               // per axis [m/s^2], > 0
+  double v_max_mps = 2.0;           // per axis [m/s], > 0
+  double a_max_mps2 = 6.0;          // per axis [m/s^2], > 0
   std::vector<Polytope> corridors;  // one per piece; no faces: the piece is free
 };
 

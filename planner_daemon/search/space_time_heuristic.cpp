@@ -60,20 +60,22 @@ void for_each_outside(const Columns& all, const Columns& kept, const Visit& visi
 
 }  // namespace
 
-int CostToGo::step_at(std::int64_t utime) const {
+int SpaceTimeHeuristic::step_at(std::int64_t utime) const {
   const double steps = 1e-6 * static_cast<double>(utime - start_utime_) / step_s_;
   return static_cast<int>(std::clamp<double>(std::round(steps), 0, num_steps_));
 }
 
-void CostToGo::build(const Occupancy& occupancy, double blocked_m, const Guidance* guidance, const Reach& reach,
-                     const Eigen::Vector3d& goal, const Eigen::Vector3d& space_min, const Eigen::Vector3d& space_max) {
+void SpaceTimeHeuristic::build(const Occupancy& occupancy, double blocked_m, const StaticHeuristic* static_heuristic,
+                               const ReachableSet& reachable, const Eigen::Vector3d& goal,
+                               const Eigen::Vector3d& space_min, const Eigen::Vector3d& space_max) {
   const GridGeometry& grid = occupancy.sogm->geometry;
-  lay_out(*occupancy.sogm, goal, reach.speed_mps);
+  lay_out(*occupancy.sogm, goal, reachable.speed_mps);
   limit_space(space_min.z(), space_max.z(), grid);
   dilator_.set(grid, blocked_m);
-  const int first = std::max(0, step_at(reach.utime) - 1);
-  for (int step = first; step <= num_steps_; ++step) boxes_[static_cast<std::size_t>(step)] = reached(reach, step);
-  finish(guidance);
+  const int first = std::max(0, step_at(reachable.utime) - 1);
+  for (int step = first; step <= num_steps_; ++step)
+    boxes_[static_cast<std::size_t>(step)] = reachable_cells(reachable, step);
+  finish(static_heuristic);
   for (int step = num_steps_ - 1; step >= first; --step) {
     const Columns columns = boxes_[static_cast<std::size_t>(step)].columns();
     if (columns.empty()) continue;
@@ -84,11 +86,12 @@ void CostToGo::build(const Occupancy& occupancy, double blocked_m, const Guidanc
 }
 
 // Cells where the robot may be when the step starts, give or take half a step, and one more to each side.
-CostToGo::Box CostToGo::reached(const Reach& reach, int step) const {
-  const double since_s = 1e-6 * static_cast<double>(start_utime_ - reach.utime) + step * step_s_;
+SpaceTimeHeuristic::Box SpaceTimeHeuristic::reachable_cells(const ReachableSet& reachable, int step) const {
+  const double since_s = 1e-6 * static_cast<double>(start_utime_ - reachable.utime) + step * step_s_;
   Box box{Eigen::Vector3i::Zero(), size_ - Eigen::Vector3i::Ones()};
   for (int axis = 0; axis < 2; ++axis) {
-    const Span at = span(reach, axis, std::max(0.0, since_s - step_s_ / 2), std::max(0.0, since_s + step_s_ / 2));
+    const Interval at =
+        extent(reachable, axis, std::max(0.0, since_s - step_s_ / 2), std::max(0.0, since_s + step_s_ / 2));
     const auto cell = [&](double coordinate) {
       return static_cast<int>(
           std::clamp<double>(std::floor((coordinate - corner_[axis]) * inverse_cell_), -2, size_[axis] + 1));
@@ -99,7 +102,7 @@ CostToGo::Box CostToGo::reached(const Reach& reach, int step) const {
   return box;
 }
 
-void CostToGo::lay_out(const Sogm& sogm, const Eigen::Vector3d& goal, double speed_mps) {
+void SpaceTimeHeuristic::lay_out(const Sogm& sogm, const Eigen::Vector3d& goal, double speed_mps) {
   const GridGeometry& grid = sogm.geometry;
   const Eigen::Vector3i size = cells_in(grid);
   cell_m_ = kCellVoxels * grid.resolution_m;
@@ -135,7 +138,7 @@ void CostToGo::lay_out(const Sogm& sogm, const Eigen::Vector3d& goal, double spe
   goal_ = ((goal - corner_) * inverse_cell_).array().floor().matrix().cast<int>();
 }
 
-void CostToGo::limit_space(double low_z, double high_z, const GridGeometry& grid) {
+void SpaceTimeHeuristic::limit_space(double low_z, double high_z, const GridGeometry& grid) {
   space_ = cells_between(corner_.z(), cell_m_, size_.z(), low_z, high_z);
   space_middles_.assign(static_cast<std::size_t>(grid.words_per_column()), 0);
   shut_.assign(rim_.size(), 0);
@@ -150,7 +153,7 @@ void CostToGo::limit_space(double low_z, double high_z, const GridGeometry& grid
 }
 
 // After the last frame only what stands still is in the way.
-void CostToGo::finish(const Guidance* guidance) {
+void SpaceTimeHeuristic::finish(const StaticHeuristic* static_heuristic) {
   const auto passed = static_cast<Value>(num_steps_ * kTicksPerStep);
   const Columns columns = boxes_.back().columns();
   if (columns.empty()) return;
@@ -164,8 +167,8 @@ void CostToGo::finish(const Guidance* guidance) {
       out[z] = std::max(straight_[1][static_cast<std::size_t>(y)], straight_[2][z]);
   }
   for (int x = columns.first.x(); x <= columns.last.x(); ++x) {
-    if (guidance != nullptr)
-      guidance->steps(corner_, x, columns.first.y(), columns.width(), size_.z(), stride_, around_.data());
+    if (static_heuristic != nullptr && !static_heuristic->empty())
+      static_heuristic->steps(corner_, x, columns.first.y(), columns.width(), size_.z(), stride_, around_.data());
     Value* out = values_.data() + column(num_steps_, x, columns.first.y());
     finish_row(straight_row_.data(), straight_[0][static_cast<std::size_t>(x)], around_.data(), kTicksPerStep, passed,
                n, out);
@@ -173,8 +176,8 @@ void CostToGo::finish(const Guidance* guidance) {
   }
 }
 
-// Far away: what the robot does not reach of `around`.
-void CostToGo::isolate(int step, const Columns& around) {
+// Far away: what the robot does not come to of `around`.
+void SpaceTimeHeuristic::isolate(int step, const Columns& around) {
   const Columns window{Eigen::Vector2i::Zero(), size_.head<2>() - Eigen::Vector2i::Ones()};
   const Columns inside{around.first.cwiseMax(window.first), around.last.cwiseMin(window.last)};
   for_each_outside(inside, boxes_[static_cast<std::size_t>(step)].columns(), [&](int x, int from, int to) {
@@ -183,7 +186,7 @@ void CostToGo::isolate(int step, const Columns& around) {
 }
 
 // The least value of each cell and its neighbours at the end of the step.
-void CostToGo::spread(int step) {
+void SpaceTimeHeuristic::spread(int step) {
   const Box& box = boxes_[static_cast<std::size_t>(step)];
   const int first_y = box.first.y();
   const std::size_t n = static_cast<std::size_t>(box.last.y() - first_y + 1) * stride_;
@@ -198,12 +201,12 @@ void CostToGo::spread(int step) {
 }
 
 // What a step adds to closed cells; at the goal the time stands still.
-void CostToGo::close(int step, const Occupancy& occupancy) {
+void SpaceTimeHeuristic::close(int step, const Occupancy& occupancy) {
   const Sogm& sogm = *occupancy.sogm;
   const Box& box = boxes_[static_cast<std::size_t>(step)];
   const Columns columns = box.columns();
   const int frame = sogm.frame_at(start_utime_ + std::llround(1e6 * (step + 0.5) * step_s_));
-  const Eigen::Vector2i margin = Eigen::Vector2i::Constant(dilator_.reach());
+  const Eigen::Vector2i margin = Eigen::Vector2i::Constant(dilator_.radius_voxels());
   layers_.clear();
   occupancy.append_layers(frame,
                           {kCellVoxels * columns.first - margin,

@@ -1,7 +1,7 @@
-// Cost to go among what moves: how much longer the way to the goal takes than the straight one, from every cell of the
-// window at every step of time, for a point that turns at once but is never faster than the robot. The search's
-// heuristic knows by it where the gaps will be, which the paper names as its weakness (section VI: deadlock for want of
-// guidance).
+// The space-time heuristic: the cost to go among what moves, that is how much longer the way to the goal takes than the
+// straight one, from every cell of the window at every step of time, for a point that turns at once but is never faster
+// than the robot. The search's heuristic knows by it where the gaps will be, which the paper names as its weakness
+// (section VI: deadlock for want of static_heuristic).
 #pragma once
 
 #include <Eigen/Core>
@@ -11,21 +11,22 @@
 #include <vector>
 
 #include "planner_daemon/search/static_heuristic.h"
+#include "planner_daemon/space/occupancy.h"
 #include "planner_daemon/space/reachability.h"
-#include "planner_daemon/space/swept_volume.h"
 
 namespace swarm {
 
-class CostToGo {
+class SpaceTimeHeuristic {
  public:
-  // Dynamic programming, backwards through the time of the map, over cells of kCellVoxels' edge, only where `reach`
+  // Dynamic programming, backwards through the time of the map, over cells of kCellVoxels' edge, only where `reachable`
   // comes to (and a cell beyond). A step lasts as long as the point takes for one cell along an axis; in a step it
   // moves to any of the 26 neighbours or waits. A cell is closed in a step when nearly all of it is: when its middle
-  // voxel lies within cell_radius_m(blocked_m) of something occupied in the frame in force at the middle of the step;
+  // voxel lies within `blocked_m` of something occupied in the frame in force at the middle of the step;
   // it may be passed at the price of kClosedSteps. After the map's last frame only what stands still is left:
-  // `guidance`; null: nothing.
-  void build(const Occupancy& occupancy, double blocked_m, const Guidance* guidance, const Reach& reach,
-             const Eigen::Vector3d& goal, const Eigen::Vector3d& space_min, const Eigen::Vector3d& space_max);
+  // `static_heuristic`; null or empty: nothing.
+  void build(const Occupancy& occupancy, double blocked_m, const StaticHeuristic* static_heuristic,
+             const ReachableSet& reachable, const Eigen::Vector3d& goal, const Eigen::Vector3d& space_min,
+             const Eigen::Vector3d& space_max);
 
   static constexpr int kClosedSteps = 7;
 
@@ -68,8 +69,8 @@ class CostToGo {
   }
   void lay_out(const Sogm& sogm, const Eigen::Vector3d& goal, double speed_mps);
   void limit_space(double low_z, double high_z, const GridGeometry& grid);
-  void finish(const Guidance* guidance);
-  Box reached(const Reach& reach, int step) const;
+  void finish(const StaticHeuristic* static_heuristic);
+  Box reachable_cells(const ReachableSet& reachable, int step) const;
   void isolate(int step, const Columns& around);
   void spread(int step);
   void close(int step, const Occupancy& occupancy);
@@ -90,7 +91,7 @@ class CostToGo {
   std::vector<Value> rim_;                            // of a row: kFar between the columns
   std::vector<Value> values_;                         // step, x, y, z: when the goal is reached, after the first step
   std::vector<Value> along_z_, along_y_;              // rows of a step
-  std::vector<Value> straight_row_, around_;          // of a row: the larger of two axes' ways; steps of the guidance
+  std::vector<Value> straight_row_, around_;  // of a row: the larger of two axes' ways; steps of the static_heuristic
   Dilator dilator_;
   std::vector<Layer> layers_;
   std::vector<std::uint64_t> closed_;  // columns of a step

@@ -7,7 +7,7 @@
 namespace swarm {
 namespace {
 
-constexpr int kMaxSteps = 900;  // longer ways are not told apart: their ticks would not fit the cost to go
+constexpr int kMaxSteps = 900;  // longer ways are not told apart: their ticks would not fit the space-time heuristic
 
 }  // namespace
 
@@ -21,7 +21,7 @@ CellSpan cells_between(double bottom_m, double cell_m, int num_cells, double low
 }
 
 // False: nothing is closed.
-bool Guidance::open_space(const Occupancy& standing, double blocked_m, const CellSpan& space) {
+bool StaticHeuristic::open_space(const Occupancy& standing, double blocked_m, const CellSpan& space) {
   const GridGeometry& grid = standing.sogm->geometry;
   const auto words = static_cast<std::size_t>(grid.words_per_column());
   const Columns all{Eigen::Vector2i::Zero(), size_.head<2>() - Eigen::Vector2i::Ones()};
@@ -45,7 +45,7 @@ bool Guidance::open_space(const Occupancy& standing, double blocked_m, const Cel
 }
 
 // Sources of the search: cells from which the way to the goal is straight.
-void Guidance::seed(int x, int y, int w, std::uint64_t bits, const Eigen::Vector3d& goal) {
+void StaticHeuristic::seed(int x, int y, int w, std::uint64_t bits, const Eigen::Vector3d& goal) {
   const auto word = static_cast<std::uint32_t>(column(x, y) * static_cast<std::size_t>(words_) + w);
   for (bits &= open_[word]; bits != 0; bits &= bits - 1) {
     const int z = 64 * w + std::countr_zero(bits);
@@ -57,7 +57,7 @@ void Guidance::seed(int x, int y, int w, std::uint64_t bits, const Eigen::Vector
   }
 }
 
-void Guidance::reach(std::uint32_t word, std::uint64_t bits, int steps) {
+void StaticHeuristic::settle(std::uint32_t word, std::uint64_t bits, int steps) {
   bits &= open_[word];
   if (bits == 0) return;
   open_[word] &= ~bits;
@@ -72,7 +72,7 @@ void Guidance::reach(std::uint32_t word, std::uint64_t bits, int steps) {
 }
 
 // To the 26 neighbours of each cell.
-void Guidance::spread(const Cells& cells) {
+void StaticHeuristic::spread(const Cells& cells) {
   const int w = static_cast<int>(cells.word % static_cast<std::uint32_t>(words_));
   const int at = static_cast<int>(cells.word / static_cast<std::uint32_t>(words_));
   const int x = at / size_.y(), y = at % size_.y();
@@ -93,8 +93,8 @@ void Guidance::spread(const Cells& cells) {
   }
 }
 
-void Guidance::steps(const Eigen::Vector3d& corner, int x, int first_y, int num_y, int num_z, std::size_t stride,
-                     std::int16_t* out) const {
+void StaticHeuristic::steps(const Eigen::Vector3d& corner, int x, int first_y, int num_y, int num_z, std::size_t stride,
+                            std::int16_t* out) const {
   const Eigen::Vector3i moved = ((corner - corner_) * inverse_cell_).array().round().matrix().cast<int>();
   const int first = std::max(0, -moved.z()), last = std::min(num_z, size_.z() - moved.z());
   x += moved.x();
@@ -106,21 +106,23 @@ void Guidance::steps(const Eigen::Vector3d& corner, int x, int first_y, int num_
   }
 }
 
-bool Guidance::build(const Occupancy& standing, double blocked_m, const Eigen::Vector3d& goal, double space_min_z,
-                     double space_max_z) {
+void StaticHeuristic::build(const Occupancy& standing, double blocked_m, const Eigen::Vector3d& goal,
+                            double space_min_z, double space_max_z) {
   const GridGeometry& grid = standing.sogm->geometry;
   cell_m_ = kCellVoxels * grid.resolution_m;
   inverse_cell_ = 1.0 / cell_m_;
   corner_ = grid.origin.cast<double>() * grid.resolution_m;
   size_ = cells_in(grid);
-  if ((size_.array() <= 0).any()) return false;
+  empty_ = true;
+  if ((size_.array() <= 0).any()) return;
   words_ = (size_.z() + 63) / 64;
   const std::size_t columns = column(size_.x() - 1, size_.y() - 1) + 1;
   open_.resize(columns * static_cast<std::size_t>(words_));
   pending_.assign(open_.size(), 0);
   steps_.assign(columns * static_cast<std::size_t>(size_.z()), -1);
   const CellSpan space = cells_between(corner_.z(), cell_m_, size_.z(), space_min_z, space_max_z);
-  if (!open_space(standing, blocked_m, space)) return false;
+  if (!open_space(standing, blocked_m, space)) return;
+  empty_ = false;
 
   for (auto& seeds : seeds_) seeds.clear();
   const Eigen::Vector3i goal_cell = ((goal - corner_) * inverse_cell_).array().floor().matrix().cast<int>();
@@ -148,16 +150,15 @@ bool Guidance::build(const Occupancy& standing, double blocked_m, const Eigen::V
   for (std::size_t steps = 0; steps < seeds_.size() || !next_.empty(); ++steps) {
     front_.clear();
     for (const std::uint32_t word : next_) {
-      reach(word, pending_[word], static_cast<int>(steps));
+      settle(word, pending_[word], static_cast<int>(steps));
       pending_[word] = 0;
     }
     next_.clear();
     if (steps < seeds_.size()) {
-      for (const Cells& cells : seeds_[steps]) reach(cells.word, cells.bits, static_cast<int>(steps));
+      for (const Cells& cells : seeds_[steps]) settle(cells.word, cells.bits, static_cast<int>(steps));
     }
     for (const Cells& cells : front_) spread(cells);
   }
-  return true;
 }
 
 }  // namespace swarm

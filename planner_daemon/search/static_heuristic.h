@@ -1,5 +1,6 @@
-// Guidance around what stands still: lower bounds of the time to the goal that know walls, so that the search does not
-// run into dead ends between the robot and its goal (the paper names the want of guidance as its weakness, section VI).
+// StaticHeuristic around what stands still: lower bounds of the time to the goal that know walls, so that the search
+// does not run into dead ends between the robot and its goal (the paper names the want of static_heuristic as its
+// weakness, section VI).
 #pragma once
 
 #include <Eigen/Core>
@@ -7,12 +8,12 @@
 #include <cstdint>
 #include <vector>
 
-#include "planner_daemon/space/swept_volume.h"
+#include "planner_daemon/space/occupancy.h"
 
 namespace swarm {
 
-// Cells of the guidance and of the cost to go: so many voxels along each edge, from the window's corner on. The middle
-// voxel stands for the cell: it lies inside the window, and where it is blocked, the cell is closed.
+// Cells of the static and of the space-time heuristic: so many voxels along each edge, from the window's corner on. The
+// middle voxel stands for the cell: it lies inside the window, and where it is blocked, the cell is closed.
 inline constexpr int kCellVoxels = 3;
 constexpr int middle_of(int cell) {
   return kCellVoxels * cell + kCellVoxels / 2;
@@ -26,17 +27,19 @@ struct CellSpan {
   int first = 0, last = -1;
   bool holds(int cell) const { return cell >= first && cell <= last; }
 };
-// Those of `num_cells` cells, the lowest with its bottom at `bottom_m`, that reach into (low_m, high_m).
+// Those of `num_cells` cells, the lowest with its bottom at `bottom_m`, that overlap (low_m, high_m).
 CellSpan cells_between(double bottom_m, double cell_m, int num_cells, double low_m, double high_m);
 
-class Guidance {
+class StaticHeuristic {
  public:
   // Breadth-first distances to `goal`, 64 cells at a time, among what lies within `blocked_m` of what is occupied in
   // frame 0 of `standing`; a cell outside [space_min, space_max] is closed (z only: sideways the flight space is open
-  // in practice). Beyond the window everything counts as open. Returns false, and gives no guidance, when nothing
-  // stands still in the window.
-  bool build(const Occupancy& standing, double blocked_m, const Eigen::Vector3d& goal, double space_min_z,
+  // in practice). Beyond the window everything counts as open. Empty when nothing stands still in the window.
+  void build(const Occupancy& standing, double blocked_m, const Eigen::Vector3d& goal, double space_min_z,
              double space_max_z);
+
+  // It knows nothing that a straight way does not.
+  bool empty() const { return empty_; }
 
   // Least ways to the goal [steps of one cell, at most 900], as the largest of the axes' ways: below 0 in closed cells
   // and where no way is known. Of cells (x, y, z) with y in `first_y` and the following num_y - 1, z in [0, num_z): to
@@ -53,9 +56,10 @@ class Guidance {
   std::size_t column(int x, int y) const { return static_cast<std::size_t>(x) * size_.y() + y; }
   bool open_space(const Occupancy& standing, double blocked_m, const CellSpan& space);
   void seed(int x, int y, int w, std::uint64_t bits, const Eigen::Vector3d& goal);
-  void reach(std::uint32_t word, std::uint64_t bits, int steps);
+  void settle(std::uint32_t word, std::uint64_t bits, int steps);
   void spread(const Cells& cells);
 
+  bool empty_ = true;
   double cell_m_ = 0.3, inverse_cell_ = 1 / 0.3;
   Eigen::Vector3d corner_ = Eigen::Vector3d::Zero();  // of the window, W [m]
   Eigen::Vector3i size_ = Eigen::Vector3i::Zero();    // cells

@@ -8,9 +8,10 @@ namespace swarm {
 namespace {
 
 constexpr int kTile = 4;  // columns along each edge of what is worked out or not
-constexpr std::int64_t kCheckStep_us = 10'000, kTouchStep_us = 20'000;
+constexpr std::int64_t kLongestStep_us = 10'000, kShortestStep_us = 1'000;  // of checks along a motion
 
-double peer_reach_m(const Peer& peer, const Sogm& sogm) {
+// A peer is occupied space: like an obstacle's voxels it counts by centres, so half a voxel comes on top.
+double occupied_radius_m(const Peer& peer, const Sogm& sogm) {
   return peer.radius_m + 0.5 * sogm.geometry.resolution_m;
 }
 
@@ -23,122 +24,90 @@ void lay_out(const Sogm& like, int num_frames, Sogm* sogm) {
   sogm->frame_duration_us = like.frame_duration_us;
 }
 
+Columns column_of(const Eigen::Vector3i& voxel) {
+  return {voxel.head<2>(), voxel.head<2>()};
+}
+
 }  // namespace
 
-Eigen::AlignedBox3d space_of(const Motion& motion, const Trajectory& announced) {
-  Eigen::AlignedBox3d space;
-  for (const Trajectory* trajectory : {&motion.committed, &motion.next, &announced}) {
-    for (int k = 0; k < trajectory->num_pieces(); ++k) {
-      const ControlPoints points =
-          quintic_control_points(trajectory->knot(k), trajectory->knot(k + 1), trajectory->piece_s());
-      space.extend(points.rowwise().minCoeff()).extend(points.rowwise().maxCoeff());
-    }
-  }
-  return space;
-}
-
-std::int64_t first_touch(const Sogm& sogm, const Motion& motion, double radius_m, std::int64_t from_utime,
-                         std::int64_t until_utime) {
-  const GridGeometry& grid = sogm.geometry;
-  const double reach = radius_m / grid.resolution_m;
-  const auto touches = [&](const Eigen::Vector3d& position, int frame) {
-    const Eigen::Vector3d at =  // in voxels from the window's first centre
-        (position / grid.resolution_m - grid.origin.cast<double>()).array() - 0.5;
-    const Eigen::Vector2i low = (at.head<2>().array() - reach).ceil().cast<int>().cwiseMax(0);
-    const Eigen::Vector2i high =
-        (at.head<2>().array() + reach).floor().cast<int>().cwiseMin(grid.size.head<2>().array() - 1);
-    std::uint64_t any = 0;
-    for (int x = low.x(); x <= high.x(); ++x) {
-      for (int y = low.y(); y <= high.y(); ++y) {
-        const double high2 = reach * reach - (x - at.x()) * (x - at.x()) - (y - at.y()) * (y - at.y());
-        if (high2 < 0.0) continue;
-        const std::uint64_t* column = sogm.column(frame, x, y);
-        for_each_word_of_run(at.z() - std::sqrt(high2), at.z() + std::sqrt(high2), grid.size.z(),
-                             [&](int word, std::uint64_t bits) { any |= column[word] & bits; });
-      }
-    }
-    return any != 0;
-  };
-  for (std::int64_t t = from_utime; t <= until_utime; t += kTouchStep_us) {
-    if (touches(motion.at(t).position, sogm.frame_at(t))) return t;
-  }
-  return std::numeric_limits<std::int64_t>::max();
-}
-
-void Zones::compose(const Sogm& sogm, const std::vector<Peer>& peers, const Reach& reach) {
+void ConfigurationSpace::compose(const Sogm& sogm, const std::vector<Peer>& peers, const ReachableSet& reachable) {
   occupancy_ = {&sogm, &peers_};
-  add_peers(peers, reach);
-  for (Sogm* zone : {&blocked_, &tight_, &contact_, &wake_, &near_}) lay_out(sogm, sogm.num_frames, zone);
-  blocked_dilator_.set(sogm.geometry, options_.blocked_m());
-  near_dilator_.set(sogm.geometry, options_.comfort_m);
-  tight_dilator_.set(sogm.geometry, options_.radius_m + options_.tight_m);
-  contact_dilator_.set(sogm.geometry, std::max(0.0, options_.radius_m - options_.contact_m));
-  frames_back_ = static_cast<int>(std::llround(1e6 * options_.wake_s / static_cast<double>(sogm.frame_duration_us)));
-  emergency_ = false;
+  add_peers(peers, reachable);
+  for (Sogm* layer : {&blocked_.sogm, &emergency_.sogm, &collision_.sogm, &recently_occupied_, &inflation_})
+    lay_out(sogm, sogm.num_frames, layer);
+  blocked_.dilator.set(sogm.geometry, options_.blocked_m());
+  emergency_.dilator.set(sogm.geometry, options_.radius_m + options_.emergency_clearance_m);
+  collision_.dilator.set(sogm.geometry, std::max(0.0, options_.radius_m - options_.collision_depth_m));
+  inflation_dilator_.set(sogm.geometry, options_.inflation_m);
+  recent_frames_ =
+      static_cast<int>(std::llround(1e6 * options_.recently_occupied_s / static_cast<double>(sogm.frame_duration_us)));
   tiles_ = (sogm.geometry.size.head<2>().array() + kTile - 1) / kTile;
   const auto tiles = static_cast<std::size_t>(sogm.num_frames) * static_cast<std::size_t>(tiles_.prod());
-  if (blocked_rounds_.size() != tiles || round_ == std::numeric_limits<std::uint32_t>::max()) {
-    for (auto* rounds : {&blocked_rounds_, &near_rounds_, &emergency_rounds_}) rounds->assign(tiles, 0);
+  if (inflation_rounds_.size() != tiles || round_ == std::numeric_limits<std::uint32_t>::max()) {
+    for (Rounds* rounds : {&blocked_.rounds, &emergency_.rounds, &collision_.rounds, &inflation_rounds_})
+      rounds->assign(tiles, 0);
     round_ = 0;
   }
   ++round_;
 }
 
-// Only where they keep the robot off a place it comes to, or leave their wake there.
-void Zones::add_peers(const std::vector<Peer>& peers, const Reach& reach) {
+// Only where they keep the robot off a place it comes to, or were recently.
+void ConfigurationSpace::add_peers(const std::vector<Peer>& peers, const ReachableSet& reachable) {
   const Sogm& sogm = *occupancy_.sogm;
-  const double most_m = options_.radius_m + std::max(options_.clearance_m, options_.tight_m) + options_.comfort_m;
+  const double most_m =
+      options_.radius_m + std::max(options_.clearance_m, options_.emergency_clearance_m) + options_.inflation_m;
   const int margin = static_cast<int>(std::ceil(most_m / sogm.geometry.resolution_m)) + 1;
   peers_.lay_out(sogm);
-  berths_.lay_out(sogm);
+  silent_peers_.lay_out(sogm);
   bounds_.clear();
   Columns all{sogm.geometry.size.head<2>(), Eigen::Vector2i::Constant(-1)};
   for (int frame = 0; frame < sogm.num_frames; ++frame) {
-    bounds_.push_back(reached(sogm, frame, reach, options_.wake_s).grown(margin, sogm.geometry));
+    bounds_.push_back(
+        reachable_columns(sogm, frame, reachable, options_.recently_occupied_s).grown(margin, sogm.geometry));
     if (bounds_.back().empty()) continue;
     all.first = all.first.cwiseMin(bounds_.back().first);
     all.last = all.last.cwiseMax(bounds_.back().last);
   }
   const std::int64_t error_us = std::llround(1e6 * options_.clock_error_s);
   for (const Peer& peer : peers) {
-    const double reach_m = peer_reach_m(peer, sogm);
-    const double widest_m = reach_m + (peer.silent ? options_.berth_m : 0.0);
+    const double radius_m = occupied_radius_m(peer, sogm);
+    const double widest_m = radius_m + (peer.silent ? options_.silent_peer_margin_m : 0.0);
     const Columns space{sogm.geometry.voxel_of(peer.space.min().array() - widest_m).head<2>(),
                         sogm.geometry.voxel_of(peer.space.max().array() + widest_m).head<2>()};
     if (!intersect(space, all)) continue;
-    if (peer.silent) berths_.add(peer.motion, widest_m, error_us, bounds_);
-    peers_.add(peer.motion, reach_m, error_us, bounds_);
-    if (!peer.announced.empty()) peers_.add({peer.motion.committed, peer.announced}, reach_m, error_us, bounds_);
+    if (peer.silent) silent_peers_.add(peer.motion, widest_m, error_us, bounds_);
+    peers_.add(peer.motion, radius_m, error_us, bounds_);
+    if (!peer.announced.empty()) peers_.add({peer.motion.committed, peer.announced}, radius_m, error_us, bounds_);
   }
 }
 
-Occupancy Zones::compose_standing(const std::vector<Peer>& peers) {
+Occupancy ConfigurationSpace::compose_standing(const std::vector<Peer>& peers) {
   const Sogm& sogm = *occupancy_.sogm;
-  lay_out(sogm, 1, &still_);
-  still_.frame_duration_us = sogm.num_frames * sogm.frame_duration_us;
+  lay_out(sogm, 1, &standing_);
+  standing_.frame_duration_us = sogm.num_frames * sogm.frame_duration_us;
   const auto n = static_cast<std::size_t>(sogm.geometry.words_per_frame());
   const std::uint64_t *first = sogm.column(0, 0, 0), *last = sogm.column(sogm.num_frames - 1, 0, 0);
-  still_words_.clear();  // little is left of the first and the last frame together
+  standing_words_.clear();  // little is left of the first and the last frame together
   for (std::size_t i = 0; i < n; ++i) {
-    still_.words[i] = first[i] & last[i];
-    if (still_.words[i] != 0) still_words_.push_back(i);
+    standing_.words[i] = first[i] & last[i];
+    if (standing_.words[i] != 0) standing_words_.push_back(i);
   }
   for (int frame = 1; frame + 1 < sogm.num_frames; ++frame) {
     const std::uint64_t* words = sogm.column(frame, 0, 0);
-    for (const std::size_t i : still_words_) still_.words[i] &= words[i];
+    for (const std::size_t i : standing_words_) standing_.words[i] &= words[i];
   }
   const Columns all = all_columns(sogm.geometry);
-  standing_peers_.lay_out(still_);
+  standing_peers_.lay_out(standing_);
   for (const Peer& peer : peers) {
     if (peer.motion.end_utime() <= sogm.start_utime)
-      standing_peers_.add(peer.motion, peer_reach_m(peer, sogm), 0, {&all, 1});
+      standing_peers_.add(peer.motion, occupied_radius_m(peer, sogm), 0, {&all, 1});
   }
-  return {&still_, &standing_peers_};
+  return {&standing_, &standing_peers_};
 }
 
 template <class WorkOut>
-void Zones::for_each_new_box(int first_frame, int last_frame, const Columns& columns,
-                             std::vector<std::uint32_t>* rounds, const WorkOut& work_out) {
+void ConfigurationSpace::for_each_new_box(int first_frame, int last_frame, const Columns& columns, Rounds* rounds,
+                                          const WorkOut& work_out) {
   const Eigen::Vector2i edge = all_columns(occupancy_.sogm->geometry).last;
   if ((columns.last.array() < 0).any()) return;
   const Eigen::Vector2i first = columns.first.cwiseMax(0) / kTile, last = columns.last.cwiseMin(edge) / kTile;
@@ -158,61 +127,88 @@ void Zones::for_each_new_box(int first_frame, int last_frame, const Columns& col
   }
 }
 
-void Zones::prepare_blocked(int first_frame, int last_frame, const Columns& columns) {
-  for_each_new_box(first_frame, last_frame, columns, &blocked_rounds_,
-                   [this](int frame, const Columns& box) { dilate(frame, box, &blocked_dilator_, &blocked_); });
-  if (!emergency_) return;
-  for_each_new_box(first_frame, last_frame, columns, &emergency_rounds_, [this](int frame, const Columns& box) {
-    dilate(frame, box, &tight_dilator_, &tight_);
-    dilate(frame, box, &contact_dilator_, &contact_);
+const Sogm& ConfigurationSpace::look(int first_frame, int last_frame, const Columns& columns, DilatedLayer* layer) {
+  for_each_new_box(first_frame, last_frame, columns, &layer->rounds, [&](int frame, const Columns& box) {
+    sources_.clear();
+    occupancy_.append_layers(frame, box.grown(layer->dilator.radius_voxels(), layer->sogm.geometry), &sources_);
+    layer->dilator.dilate(sources_, box, layer->sogm.column(frame, box.first.x(), box.first.y()), sources_.front().row);
   });
+  return layer->sogm;
 }
 
-void Zones::prepare(int first_frame, int last_frame, const Columns& columns) {
-  if (emergency_) prepare_blocked(first_frame, last_frame, columns);
-  for_each_new_box(first_frame, last_frame, columns, &near_rounds_, [this](int frame, const Columns& box) {
-    prepare_blocked(frame, frame, box);
-    work_out_near(frame, box);
-  });
+const Sogm& ConfigurationSpace::blocked(int first_frame, int last_frame, const Columns& columns) {
+  return look(first_frame, last_frame, columns, &blocked_);
 }
 
-void Zones::dilate(int frame, const Columns& box, Dilator* dilator, Sogm* zone) {
-  layers_.clear();
-  occupancy_.append_layers(frame, box.grown(dilator->reach(), zone->geometry), &layers_);
-  dilator->dilate(layers_, box, zone->column(frame, box.first.x(), box.first.y()), layers_.front().row);
+ConfigurationSpace::Layers ConfigurationSpace::layers(int first_frame, int last_frame, const Columns& columns) {
+  for_each_new_box(first_frame, last_frame, columns, &inflation_rounds_, [this](int frame, const Columns& box) {
+    (void)blocked(frame, frame, box);
+    work_out_inflation(frame, box);
+  });
+  return {blocked_.sogm, recently_occupied_, inflation_};
 }
 
 // Whatever moves away may turn and come back, and silent peers may step aside: that is avoided.
-void Zones::work_out_near(int frame, const Columns& box) {
-  const GridGeometry& grid = near_.geometry;
-  const Columns around = box.grown(near_dilator_.reach(), grid), seen = around.grown(blocked_dilator_.reach(), grid);
-  layers_.clear();
-  for (int before = std::max(0, frame - frames_back_); before <= frame; ++before)
-    occupancy_.append_layers(before, seen, &layers_);
-  berths_.append_layers(frame, seen, &layers_);
-  const std::size_t row = layers_.front().row;
-  std::uint64_t* wake = wake_.column(frame, around.first.x(), around.first.y());
-  blocked_dilator_.dilate(layers_, around, wake, row);
-  const Layer wake_layer{around, wake, row};
-  near_dilator_.dilate({&wake_layer, 1}, box, near_.column(frame, box.first.x(), box.first.y()), row);
+void ConfigurationSpace::work_out_inflation(int frame, const Columns& box) {
+  const GridGeometry& grid = inflation_.geometry;
+  const Columns around = box.grown(inflation_dilator_.radius_voxels(), grid);
+  const Columns seen = around.grown(blocked_.dilator.radius_voxels(), grid);
+  sources_.clear();
+  for (int before = std::max(0, frame - recent_frames_); before <= frame; ++before)
+    occupancy_.append_layers(before, seen, &sources_);
+  silent_peers_.append_layers(frame, seen, &sources_);
+  const std::size_t row = sources_.front().row;
+  std::uint64_t* recently_occupied = recently_occupied_.column(frame, around.first.x(), around.first.y());
+  blocked_.dilator.dilate(sources_, around, recently_occupied, row);
+  const Layer source{around, recently_occupied, row};
+  inflation_dilator_.dilate({&source, 1}, box, inflation_.column(frame, box.first.x(), box.first.y()), row);
 }
 
-bool Zones::blocked_at(const Eigen::Vector3d& position, std::int64_t utime) {
-  const int frame = blocked_.frame_at(utime);
-  const Eigen::Vector3i voxel = blocked_.geometry.voxel_of(position);
-  prepare_blocked(frame, frame, {voxel.head<2>(), voxel.head<2>()});
-  return blocked_.occupied(frame, voxel);
+Severity ConfigurationSpace::severity(std::size_t word, std::uint64_t bit) {
+  const GridGeometry& grid = blocked_.sogm.geometry;
+  const auto per_frame = static_cast<std::size_t>(grid.words_per_frame());
+  const int frame = static_cast<int>(word / per_frame);
+  const int at = static_cast<int>(word % per_frame) / grid.words_per_column();
+  const Eigen::Vector2i column(at / grid.size.y(), at % grid.size.y());
+  if ((look(frame, frame, {column, column}, &emergency_).words[word] & bit) == 0) return Severity::kBlocked;
+  const bool collides = (look(frame, frame, {column, column}, &collision_).words[word] & bit) != 0;
+  return collides ? Severity::kCollision : Severity::kEmergency;
 }
 
-std::int64_t Zones::first_blocked(const Motion& motion, std::int64_t from_utime) {
-  const std::int64_t map_end = blocked_.start_utime + blocked_.num_frames * blocked_.frame_duration_us;
+bool ConfigurationSpace::blocked_at(const Eigen::Vector3d& position, int frame) {
+  const Eigen::Vector3i voxel = grid().geometry.voxel_of(position);
+  return blocked(frame, frame, column_of(voxel)).occupied(frame, voxel);
+}
+
+bool ConfigurationSpace::recently_occupied_at(const Eigen::Vector3d& position, int frame) {
+  const Eigen::Vector3i voxel = grid().geometry.voxel_of(position);
+  return layers(frame, frame, column_of(voxel)).recently_occupied.occupied(frame, voxel);
+}
+
+std::optional<Severity> ConfigurationSpace::severity_at(const Eigen::Vector3d& position, int frame) {
+  const Eigen::Vector3i voxel = grid().geometry.voxel_of(position);
+  const Columns column = column_of(voxel);
+  if (!blocked(frame, frame, column).occupied(frame, voxel)) return {};
+  if (!look(frame, frame, column, &emergency_).occupied(frame, voxel)) return Severity::kBlocked;
+  const bool collides = look(frame, frame, column, &collision_).occupied(frame, voxel);
+  return collides ? Severity::kCollision : Severity::kEmergency;
+}
+
+std::int64_t ConfigurationSpace::first_blocked(const Motion& motion, std::int64_t from_utime) {
+  const Sogm& map = grid();
+  const std::int64_t map_end = map.start_utime + map.num_frames * map.frame_duration_us;
   const std::int64_t end = std::max(map_end, motion.end_utime());
   for (std::int64_t t = from_utime; t < end;) {  // one quintic after the other
     const std::int64_t begin = t, knot = std::min(motion.next_knot_after(t), end);
     const ControlPoints points = control_points_between(motion, begin, knot);
     const double share = 1.0 / static_cast<double>(knot - begin);
-    for (; t < knot; t += kCheckStep_us) {
-      if (blocked_at(bezier_position(points, static_cast<double>(t - begin) * share), t)) return t;
+    const double half_voxel_us = 0.5e6 * map.geometry.resolution_m /
+                                 std::max(max_speed_bound(points, 1e-6 * static_cast<double>(knot - begin)), 1e-3);
+    const std::int64_t step_us =
+        std::clamp(static_cast<std::int64_t>(half_voxel_us), kShortestStep_us, kLongestStep_us);
+    for (; t < knot; t += step_us) {
+      const Eigen::Vector3d position = bezier_position(points, static_cast<double>(t - begin) * share);
+      if (blocked_at(position, map.frame_at(t))) return t;
     }
   }
   return std::numeric_limits<std::int64_t>::max();

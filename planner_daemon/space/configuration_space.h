@@ -1,102 +1,108 @@
-// Configuration space of a spherical robot, in zones: where its centre may not be, where it had rather not be, and how
-// near it comes to a touch. One definition of free for search, corridor and check.
+// Configuration space of a spherical robot: where its centre may not be, where it had rather not be, and how near it
+// comes to a collision. One definition of free for search, corridor and check.
 #pragma once
 
-#include <Eigen/Geometry>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "map_daemon/dilation.h"
+#include "planner_daemon/space/occupancy.h"
+#include "planner_daemon/space/peer.h"
 #include "planner_daemon/space/reachability.h"
 #include "planner_daemon/space/swept_volume.h"
-#include "planner_daemon/space/zone_source.h"
 
 namespace swarm {
 
-struct ZoneOptions {
-  double radius_m = 0.2;        // of the robot's sphere
-  double clearance_m = 0.05;    // free: farther than radius + clearance from every occupied voxel's centre
-  double tight_m = 0.0;         // in an emergency: the clearance that is given up last before a touch
-  double contact_m = 0.04;      // a voxel's centre this far inside the radius means a touch
-  double comfort_m = 0.15;      // beyond the clearance: avoided where that costs little
-  double wake_s = 0.5;          // where an obstacle was until this long before is its wake: it may turn
-  double berth_m = 0.5;         // around peers that have fallen silent: like a wake
-  double clock_error_s = 0.01;  // peers come so much earlier or later, at most: their clocks differ from ours
+struct ConfigurationSpaceOptions {
+  double radius_m = 0.2;               // of the robot's sphere
+  double clearance_m = 0.05;           // free: farther than radius + clearance from every occupied voxel's centre
+  double emergency_clearance_m = 0.0;  // in an emergency: the clearance that is given up last before a collision
+  double collision_depth_m = 0.04;     // a voxel's centre this far inside the radius means a collision
+  double inflation_m = 0.15;           // beyond the clearance: avoided where that costs little
+  double recently_occupied_s = 0.5;    // where an obstacle was until this long before is avoided: it may turn
+  double silent_peer_margin_m = 0.5;   // around peers that have fallen silent: avoided like what was recently occupied
+  double clock_error_s = 0.01;         // peers come so much earlier or later, at most: their clocks differ from ours
 
   double blocked_m() const { return radius_m + clearance_m; }
 };
 
-struct Peer {
-  Motion motion;
-  Trajectory announced;  // waits for acknowledgements: occupied too; may be empty
-  double radius_m = 0.2;
-  bool silent = false;  // has not been heard for a while
-  // Its centre stays within, whichever it flies [m]; peers out of reach cost a look at this.
-  Eigen::AlignedBox3d space{Eigen::Vector3d::Constant(-1e6), Eigen::Vector3d::Constant(1e6)};
-};
-// For Peer::space: the hull of all pieces.
-Eigen::AlignedBox3d space_of(const Motion& motion, const Trajectory& announced);
+// How bad it is for the robot's centre to be in a voxel of blocked space.
+enum class Severity : std::uint8_t { kBlocked, kEmergency, kCollision };
 
-// First time in [from, until] at which an occupied voxel's centre lies within `radius_m` of the motion, or INT64_MAX.
-// Of the map alone: peers are not in it.
-std::int64_t first_touch(const Sogm& sogm, const Motion& motion, double radius_m, std::int64_t from_utime,
-                         std::int64_t until_utime);
-
-// The zones are worked out tile by tile where they are looked at, which is a small part of what the robot can come to.
-// Keeps its memory: a map for each zone.
-class Zones : public ZoneSource {
+// Everything is worked out tile by tile where it is looked at, which is a small part of what the robot can come to; to
+// look is to ask with the region, so nobody can look at what was not worked out. Keeps its memory: a map for each
+// layer.
+class ConfigurationSpace {
  public:
-  explicit Zones(const ZoneOptions& options) : options_(options) {}
-  Zones(const Zones&) = delete;  // occupancy() refers to parts of this
-  Zones& operator=(const Zones&) = delete;
+  explicit ConfigurationSpace(const ConfigurationSpaceOptions& options) : options_(options) {}
+  ConfigurationSpace(const ConfigurationSpace&) = delete;  // occupancy() refers to parts of this
+  ConfigurationSpace& operator=(const ConfigurationSpace&) = delete;
 
-  // The zones around what `sogm` holds and what the peers sweep where `reach` comes to. Refers to `sogm` until the next
+  // The space around what `sogm` holds and what the peers sweep within `reachable`. Refers to `sogm` until the next
   // call.
-  void compose(const Sogm& sogm, const std::vector<Peer>& peers, const Reach& reach);
+  void compose(const Sogm& sogm, const std::vector<Peer>& peers, const ReachableSet& reachable);
   // What stands still in every frame, peers that hover among it, in the whole window: one frame. Valid until the next
   // call.
   Occupancy compose_standing(const std::vector<Peer>& peers);
 
+  const ConfigurationSpaceOptions& options() const { return options_; }
   const Occupancy& occupancy() const { return occupancy_; }
-  void prepare_blocked(int first_frame, int last_frame, const Columns& columns) override;
-  void prepare(int first_frame, int last_frame, const Columns& columns) override;
+  // Layout of all layers: geometry, frames and their times as in the SOGM. Its voxels are known where layers() or
+  // blocked() were asked for them.
+  const Sogm& grid() const { return blocked_.sogm; }
 
-  // Where prepared:
-  const Sogm& blocked() const { return blocked_; }
-  const Sogm& wake() const { return wake_; }    // holds what is blocked
-  const Sogm& near() const { return near_; }    // holds the wake
-  const Sogm& tight() const { return tight_; }  // in an emergency
-  const Sogm& contact() const { return contact_; }
-  bool blocked_at(const Eigen::Vector3d& position, std::int64_t utime);
-  // First time from `from_utime` on at which the motion enters the blocked zone, or INT64_MAX (fine sampling, hover
-  // tail included).
+  // Where the centre may not be, worked out at least in these columns of frames first to last; beyond the window
+  // nothing is known.
+  const Sogm& blocked(int first_frame, int last_frame, const Columns& columns);
+  // Each holds the one before: what costs a path, layer by layer. Worked out at least there.
+  struct Layers {
+    const Sogm &blocked, &recently_occupied, &inflation;
+  };
+  Layers layers(int first_frame, int last_frame, const Columns& columns);
+  // Of a voxel in blocked space: a bit of a word of its layer.
+  Severity severity(std::size_t word, std::uint64_t bit);
+
+  bool blocked_at(const Eigen::Vector3d& position, int frame);
+  bool recently_occupied_at(const Eigen::Vector3d& position, int frame);
+  // None where it is free.
+  std::optional<Severity> severity_at(const Eigen::Vector3d& position, int frame);
+  // First time from `from_utime` on at which the motion enters blocked space, or INT64_MAX: looked at every 10 ms, and
+  // where it is fast every half voxel along the fastest axis, down to 1 ms; hover tail included.
   std::int64_t first_blocked(const Motion& motion, std::int64_t from_utime);
 
-  // From now on tight and contact zones are worked out beside the blocked one.
-  void enter_emergency() { emergency_ = true; }
-
  private:
-  void add_peers(const std::vector<Peer>& peers, const Reach& reach);
-  template <class WorkOut>
-  void for_each_new_box(int first_frame, int last_frame, const Columns& columns, std::vector<std::uint32_t>* rounds,
-                        const WorkOut& work_out);
-  void dilate(int frame, const Columns& box, Dilator* dilator, Sogm* zone);
-  void work_out_near(int frame, const Columns& box);
+  // What was worked out of a layer, by tile: in which round (composed space) last.
+  using Rounds = std::vector<std::uint32_t>;
+  // Occupied space dilated by a radius, where it is looked at.
+  struct DilatedLayer {
+    Sogm sogm;
+    Dilator dilator;
+    Rounds rounds;
+  };
 
-  ZoneOptions options_;
+  void add_peers(const std::vector<Peer>& peers, const ReachableSet& reachable);
+  template <class WorkOut>
+  void for_each_new_box(int first_frame, int last_frame, const Columns& columns, Rounds* rounds,
+                        const WorkOut& work_out);
+  const Sogm& look(int first_frame, int last_frame, const Columns& columns, DilatedLayer* layer);
+  void work_out_inflation(int frame, const Columns& box);
+
+  ConfigurationSpaceOptions options_;
   Occupancy occupancy_;
   SweptVolumes peers_, standing_peers_;
-  SweptVolumes berths_;          // of those that are silent, the berth around them in it
+  SweptVolumes silent_peers_;    // with the margin around them
   std::vector<Columns> bounds_;  // by frame: where peers matter
-  Sogm blocked_, tight_, contact_, wake_, near_, still_;
-  Eigen::Vector2i tiles_ = Eigen::Vector2i::Zero();                             // of a frame, along x and y
-  std::vector<std::uint32_t> blocked_rounds_, near_rounds_, emergency_rounds_;  // by tile: when it was worked out
+  DilatedLayer blocked_, emergency_, collision_;
+  Sogm recently_occupied_, inflation_;
+  Dilator inflation_dilator_;
+  Rounds inflation_rounds_;                          // of both
+  Eigen::Vector2i tiles_ = Eigen::Vector2i::Zero();  // of a frame, along x and y
   std::uint32_t round_ = 0;
-  int frames_back_ = 0;  // that a wake lasts
-  bool emergency_ = false;
-  Dilator blocked_dilator_, near_dilator_, tight_dilator_, contact_dilator_;
-  std::vector<Layer> layers_;
-  std::vector<std::size_t> still_words_;  // not clear in the first frame and the last
+  int recent_frames_ = 0;  // so long something counts as recently occupied
+  Sogm standing_;
+  std::vector<Layer> sources_;
+  std::vector<std::size_t> standing_words_;  // not clear in the first frame and the last
 };
 
 }  // namespace swarm

@@ -10,7 +10,7 @@ namespace swarm {
 
 // Where something can come to that is at `center` with `velocity` at `utime`, never faster than `speed_mps` along x or
 // y, until `horizon_s` later.
-struct Reach {
+struct ReachableSet {
   Eigen::Vector3d center = Eigen::Vector3d::Zero();  // W [m]
   std::int64_t utime = 0;
   double speed_mps = 0.0;
@@ -19,14 +19,14 @@ struct Reach {
   Eigen::Vector3d velocity = Eigen::Vector3d::Zero();                  // W [m/s]
 };
 
-// Where along an axis (0, 1) that is at some time within [from_s, to_s], 0 <= from_s <= to_s, after `utime`: W [m].
-struct Span {
+struct Interval {
   double low, high;
 };
-Span span(const Reach& reach, int axis, double from_s, double to_s);
+// Its extent along an axis (0, 1) at any time within [from_s, to_s], 0 <= from_s <= to_s, after `utime`: W [m].
+Interval extent(const ReachableSet& reachable, int axis, double from_s, double to_s);
 
-// What `reach` comes to while the frame is in force (the last one stays for ever) or up to `linger_s` later; at most a
-// voxel more to each side.
-Columns reached(const Sogm& sogm, int frame, const Reach& reach, double linger_s = 0.0);
+// The columns it comes to while the frame is in force (the last one stays for ever) or up to `linger_s` later; at most
+// a voxel more to each side.
+Columns reachable_columns(const Sogm& sogm, int frame, const ReachableSet& reachable, double linger_s = 0.0);
 
 }  // namespace swarm

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "map_daemon/dilation.h"
-#include "planner_daemon/trajectory/trajectory.h"
+#include "planner_daemon/trajectory/motion.h"
 
 namespace swarm {
 
@@ -43,18 +43,6 @@ class SweptVolumes {
   std::vector<std::vector<Patch>> patches_;  // by frame
   std::vector<std::uint64_t> words_;
   std::vector<double> low_m_, high_m_;  // where a row of columns meets a capsule
-};
-
-// An SOGM with the peers' swept volumes drawn in.
-struct Occupancy {
-  const Sogm* sogm = nullptr;
-  const SweptVolumes* peers = nullptr;  // laid out like it; null: none
-
-  // What is occupied in a frame within `columns`.
-  void append_layers(int frame, const Columns& columns, std::vector<Layer>* layers) const {
-    layers->push_back(layer_of(*sogm, frame));
-    if (peers != nullptr) peers->append_layers(frame, columns, layers);
-  }
 };
 
 }  // namespace swarm

@@ -1,42 +1,14 @@
-// A committed trajectory: a C2 quintic spline that ends at rest (paper section IV-C; degree 5 instead of 4, so that
-// position, velocity and acceleration at the knots determine it and C2 holds by construction, also after quantisation
-// on the wire).
+// A committed trajectory: a C2 quintic spline that ends at rest (paper section IV-C). Its knots determine it, so C2
+// holds by construction, also after quantisation on the wire.
 #pragma once
 
-#include <Eigen/Core>
 #include <array>
 #include <cstdint>
 
-#include "sogm_swarm/announcement_t.hpp"
+#include "planner_daemon/trajectory/bezier.h"
 #include "sogm_swarm/trajectory_t.hpp"
 
 namespace swarm {
-
-// Position [m], velocity [m/s], acceleration [m/s^2] and jerk [m/s^3] in W.
-struct MotionState {
-  Eigen::Vector3d position = Eigen::Vector3d::Zero();
-  Eigen::Vector3d velocity = Eigen::Vector3d::Zero();
-  Eigen::Vector3d acceleration = Eigen::Vector3d::Zero();
-  Eigen::Vector3d jerk = Eigen::Vector3d::Zero();
-};
-
-using ControlPoints = Eigen::Matrix<double, 3, 6>;  // of one quintic Bezier piece, points are columns [m]
-
-// Bezier control points of the quintic of duration `h_s` > 0 between two states: their hull contains the piece.
-ControlPoints quintic_control_points(const MotionState& from, const MotionState& to, double h_s);
-
-// State of the quintic with these control points at s in [0, 1].
-MotionState evaluate_bezier(const ControlPoints& points, double h_s, double s);
-
-// Its position alone.
-Eigen::Vector3d bezier_position(const ControlPoints& points, double s);
-
-// Control points of the part of the quintic within s in [from, to], 0 <= from < to <= 1.
-ControlPoints part_of(const ControlPoints& points, double from, double to);
-
-// Largest per-axis |velocity| and |acceleration| control point of a piece: bounds on the piece itself.
-double max_speed_bound(const ControlPoints& points, double h_s);
-double max_acceleration_bound(const ControlPoints& points, double h_s);
 
 class Trajectory {
  public:
@@ -81,28 +53,5 @@ class Trajectory {
   int num_pieces_ = 0;
   std::array<std::array<float, 9>, kMaxPieces + 1> knots_{};
 };
-
-// What a robot is bound to: it flies `committed`, and from the start of `next` on (when there is one) flies that.
-struct Motion {
-  Trajectory committed;
-  Trajectory next;  // empty, or starts on `committed`
-
-  MotionState at(std::int64_t utime) const {
-    return !next.empty() && utime >= next.start_utime() ? next.at(utime) : committed.at(utime);
-  }
-  // First time later than `utime` at which the polynomial changes, or INT64_MAX.
-  std::int64_t next_knot_after(std::int64_t utime) const;
-  // Of the trajectory it ends with.
-  std::int32_t seq() const { return next.empty() ? committed.seq() : next.seq(); }
-  // The robot hovers from here on.
-  std::int64_t end_utime() const { return next.empty() ? committed.end_utime() : next.end_utime(); }
-};
-
-// What an announcement says its robot is bound to, and what it would like to be. From a message that passed decode();
-// `announced` is empty when nothing waits for acknowledgements.
-void read_announcement(const sogm_swarm::announcement_t& message, Motion* motion, Trajectory* announced);
-
-// Control points of the motion during [from, to], which must hold no knot inside.
-ControlPoints control_points_between(const Motion& motion, std::int64_t from_utime, std::int64_t to_utime);
 
 }  // namespace swarm

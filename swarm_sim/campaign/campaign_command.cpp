@@ -188,6 +188,10 @@ int merge_command(int argc, const char* const* argv) try {
       std::cout << kUsage;
       return 0;
     }
+    if (argument == "--version") {
+      std::cout << version_line("swarm_sim") << '\n';
+      return 0;
+    }
     if (argument == "-o" || argument == "--out") {
       if (++i == argc) throw OptionError(argument + ": needs a file");
       out = argv[i];

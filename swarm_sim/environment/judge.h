@@ -8,7 +8,7 @@
 #include <span>
 #include <vector>
 
-#include "planner_daemon/trajectory/trajectory.h"
+#include "planner_daemon/trajectory/bezier.h"
 #include "swarm_sim/world/occupied_cubes.h"
 #include "swarm_sim/world/world.h"
 

@@ -38,10 +38,10 @@ MapConfig map_config(const World& world, const WorldRobot& robot, const FlightOp
 PlannerNodeConfig planner_config(const World& world, const WorldRobot& robot, const FlightOptions& options) {
   PlannerNodeConfig config = options.planner;
   config.robot_id = robot.id;
-  config.planner.zones.radius_m = robot.radius_m;
+  config.planner.space.radius_m = robot.radius_m;
   SearchLimits& limits = config.planner.limits;
-  limits.v_max = world.speed_mps;
-  limits.a_max = world.acceleration_mps2;
+  limits.v_max_mps = world.speed_mps;
+  limits.a_max_mps2 = world.acceleration_mps2;
   // The ground and the ceiling are solid. The sides are not: starts and goals may lie on them, and a robot needs room
   // to step back.
   limits.space_min = world.space.min + Eigen::Vector3d(-kSideRoom_m, -kSideRoom_m, robot.radius_m);
@@ -53,8 +53,8 @@ BroadcastConfig broadcast_config(const World& world, const WorldRobot& robot, co
   BroadcastConfig config = options.broadcast;
   config.robot_id = robot.id;
   config.radius_m = robot.radius_m;
-  config.v_max = world.speed_mps;
-  config.a_max = world.acceleration_mps2;
+  config.v_max_mps = world.speed_mps;
+  config.a_max_mps2 = world.acceleration_mps2;
   config.roster.clear();
   for (const WorldRobot& other : world.robots) config.roster.push_back(other.id);
   return config;

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "lcmtypes/bus/codec.h"
-#include "planner_daemon/trajectory/trajectory.h"
+#include "planner_daemon/trajectory/motion.h"
 
 namespace swarm {
 

@@ -14,7 +14,7 @@
 
 #include "lcmtypes/bus/atomic_file.h"
 #include "lcmtypes/bus/node.h"
-#include "planner_daemon/trajectory/trajectory.h"
+#include "planner_daemon/trajectory/bezier.h"
 
 namespace swarm {
 

@@ -10,7 +10,7 @@
 #include <unordered_set>
 #include <vector>
 
-#include "planner_daemon/trajectory/trajectory.h"
+#include "planner_daemon/trajectory/bezier.h"
 #include "swarm_sim/world/world.h"
 
 namespace swarm {

@@ -158,7 +158,8 @@ class Flights {
 };
 
 // All steps on one set of recorded requests. Every call comes after a whole plan, so that caches are as cold as in
-// flight. The requests lie so far apart that each plan makes its guidance anew, which in flight every fifth does.
+// flight. The requests lie so far apart that each plan makes its static_heuristic anew, which in flight every fifth
+// does.
 class Bench {
  public:
   explicit Bench(const RecordedRequests& requests)
@@ -182,9 +183,9 @@ class Bench {
       const double all_us = search_us(input);
       if (path_.expansions >= 5) us->push_back(all_us / path_.expansions);
     });
-    add("cost to go", [this](const PlanInput& input, auto* us) {
+    add("heuristics", [this](const PlanInput& input, auto* us) {
       planner_.plan(input.request);
-      us->push_back(timed_us([&] { planner_.build_cost_to_go(input.request); }));
+      us->push_back(timed_us([&] { planner_.build_heuristics(input.request); }));
     });
     add("corridor, per piece", [this](const PlanInput& input, auto* us) {
       for_each_piece(input, [&](const ControlPoints& piece, std::int64_t from) {
@@ -198,9 +199,9 @@ class Bench {
         if (build(&corridors_, piece, from, &polytope_) != FiriStatus::kGrown ||
             build(&full_corridors_, piece, from, &full) != FiriStatus::kGrown)
           return;
-        const double reach_m = requests_.config.corridor.reach_m;
-        const Eigen::Vector3d low = piece.rowwise().minCoeff().array() - reach_m;
-        const Eigen::Vector3d high = piece.rowwise().maxCoeff().array() + reach_m;
+        const double extent_m = requests_.config.corridor.extent_m;
+        const Eigen::Vector3d low = piece.rowwise().minCoeff().array() - extent_m;
+        const Eigen::Vector3d high = piece.rowwise().maxCoeff().array() + extent_m;
         int inside = 0, inside_full = 0;
         for (int i = 0; i < kVolumePoints; ++i) {
           const Eigen::Vector3d point = in_box(rng_, low, high);
@@ -239,7 +240,7 @@ class Bench {
  private:
   static SearchLimits usable(const PlannerConfig& config) {
     SearchLimits limits = config.limits;
-    limits.v_max *= Planner::kUsableSpeed;
+    limits.v_max_mps *= Planner::kUsableSpeed;
     return limits;
   }
   void add(const std::string& name, const Step& step) {
@@ -261,7 +262,7 @@ class Bench {
     }
   }
   FiriStatus build(CorridorBuilder* corridors, const ControlPoints& piece, std::int64_t from, Polytope* polytope) {
-    return corridors->build(piece, planner_.occupancy(), requests_.config.zones.blocked_m(), from,
+    return corridors->build(piece, planner_.occupancy(), requests_.config.space.blocked_m(), from,
                             from + requests_.config.search.piece_us, polytope);
   }
   static CorridorOptions full(CorridorOptions options) {
@@ -271,7 +272,7 @@ class Bench {
   double search_us(const PlanInput& input) {
     planner_.plan(input.request);
     SearchProblem problem = planner_.search_problem();
-    problem.fine = problem.emergency = false;
+    problem.fine = false;
     return timed_us([&] { (void)search_.find(problem, &path_); });
   }
 

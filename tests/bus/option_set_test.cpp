@@ -176,11 +176,21 @@ TEST(OptionSet, HelpShowsUnitRangeAndDefault) {
   const Outcome outcome = run({"--help"}, true);  // though WORLD is missing
   EXPECT_EQ(outcome.error, "");
   EXPECT_EQ(outcome.parsed, OptionSet::Parsed::kExit);
-  for (const char* part : {"Usage: tester [options] WORLD", "Tries options.", "WORLD: world file",
-                           "--resolution m (=0.1)", "edge of a voxel; within [0.01, 1] m", "--peers i,j,... (=1,2)",
-                           "--window x,y,z (=10,10,4)", "--noise bool (=false)", "--config file", "--print-config"}) {
+  for (const char* part :
+       {"Usage: tester [options] WORLD", "Tries options.", "WORLD: world file", "--resolution m (=0.1)",
+        "edge of a voxel; within [0.01, 1] m", "--peers i,j,... (=1,2)", "--window x,y,z (=10,10,4)",
+        "--noise bool (=false)", "--config file", "--print-config", "--version"}) {
     EXPECT_NE(outcome.out.find(part), std::string::npos) << part << "\n" << outcome.out;
   }
+}
+
+TEST(OptionSet, VersionIsOneLine) {
+  const Outcome outcome = run({"--threads", "0", "--version"}, true);  // though WORLD is missing and threads are wrong
+  EXPECT_EQ(outcome.error, "");
+  EXPECT_EQ(outcome.parsed, OptionSet::Parsed::kExit);
+  EXPECT_EQ(outcome.out, version_line("tester") + "\n");
+  EXPECT_EQ(version_line("tester command"), version_line("tester"));
+  EXPECT_EQ(config_error("version = 1\n"), "unknown key 'version'");
 }
 
 TEST(OptionSet, PrintedConfigReadsBackAsTheSame) {

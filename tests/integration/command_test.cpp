@@ -268,11 +268,23 @@ TEST(Options, HelpDocumentsEveryOptionWithUnitAndDefault) {
       ASSERT_NE(range, entry.npos) << entry;
       EXPECT_NE(entry.find(plain ? "]" : "] " + unit, range), entry.npos) << entry;
     }
-    for (const char* common : {"--config", "--print-config", "--help"}) {
+    for (const char* common : {"--config", "--print-config", "--version", "--help"}) {
       EXPECT_NE(text.find(std::string(" ") + common + " "), text.npos) << common;
     }
   }
   EXPECT_EQ(run_program({"swarm_sim", "--help"}).exit_code, 0);
+}
+
+TEST(Options, EveryProgramTellsItsVersion) {
+  for (const std::string command : {"map_daemon", "planner_daemon", "broadcast_daemon", "mavlink_bridge", "mocap_input",
+                                    "swarm_view", "swarm_hear", "log_info", "lcm2mcap", "swarm_sim", "swarm_sim run",
+                                    "swarm_sim world", "swarm_sim campaign", "swarm_sim merge", "swarm_sim audit"}) {
+    std::istringstream words(command + " --version");
+    const Finished told = run_program(Words(std::istream_iterator<std::string>(words), {}));
+    EXPECT_EQ(told.exit_code, 0) << command;
+    EXPECT_EQ(told.err, "") << command;
+    EXPECT_EQ(told.out, command.substr(0, command.find(' ')) + " " SWARM_VERSION "\n");
+  }
 }
 
 TEST(Options, PrintedConfigReadsBackTheSame) {
@@ -409,8 +421,8 @@ TEST(PlannerBench, SolvesStoredProblems) {
 // The steps of planning on a stored set of requests, and on bad ones.
 TEST(PlannerBench, TimesTheRequestsOfALog) {
   const std::string stored = SWARM_SOURCE_DIR "/tests/bench/requests/", log = stored + "20_columns.lcm";
-  const Finished timed = run_program({"../tests/planner_bench", "--log", log, "--planner-config", stored + "planner.cfg",
-                                      "--benchmark_filter=^(search|optimise)"});
+  const Finished timed = run_program({"../tests/planner_bench", "--log", log, "--planner-config",
+                                      stored + "planner.cfg", "--benchmark_filter=^(search|optimise)"});
   EXPECT_EQ(timed.exit_code, 0) << timed.err;
   for (const char* row : {"search: 20_columns", "search, per node: 20_columns", "optimise: 20_columns"})
     EXPECT_NE(timed.out.find(row), std::string::npos) << timed.out;

@@ -688,6 +688,20 @@ TEST(PlannerNode, AClockThatIsSetStopsNeitherPlansNorStatuses) {
   }
 }
 
+// A budget that would take a gigabyte is a slip of the pen.
+TEST(PlannerNodeConfig, TheBudgetIsBounded) {
+  const auto parse = [](const char* budget) {
+    PlannerNodeConfig config;
+    OptionSet options("planner_daemon", "");
+    declare(options, config);
+    const char* arguments[] = {"", "--max-expansions", budget};
+    std::ostringstream out;
+    (void)options.parse(3, arguments, out);
+  };
+  EXPECT_NO_THROW(parse("5000"));
+  EXPECT_THROW(parse("5001"), OptionError);
+}
+
 TEST(PlannerNodeConfig, ImpossibleCombinationsAreRefusedByName) {
   const auto complaint = [](const std::function<void(PlannerNodeConfig&)>& change) -> std::string {
     PlannerNodeConfig config = Fixture::make_config();
@@ -702,7 +716,7 @@ TEST(PlannerNodeConfig, ImpossibleCombinationsAreRefusedByName) {
   EXPECT_EQ(complaint([](PlannerNodeConfig&) {}), "");
   const auto names = [](const std::string& text, const char* name) { return text.find(name) != std::string::npos; };
   EXPECT_TRUE(names(complaint([](auto& c) { c.planner.limits.space_min.z() = 3.8; }), "space-min"));
-  EXPECT_TRUE(names(complaint([](auto& c) { c.planner.zones.tight_m = 0.2; }), "tight-clearance"));
+  EXPECT_TRUE(names(complaint([](auto& c) { c.planner.space.emergency_clearance_m = 0.2; }), "emergency-clearance"));
   EXPECT_TRUE(names(complaint([](auto& c) { c.planner.search.num_pieces = 2; }), "pieces"));
 }
 

@@ -92,7 +92,7 @@ std::string describe(const PlanRequest& request, const PlanResult& result) {
 }
 
 // What every flown plan promises. Free space is looked up here voxel by voxel: the voxel of the robot is farther than
-// radius + clearance from all that is occupied, at each instant that is checked (10 ms, or 25 ms of the search's path).
+// radius + clearance from all that is occupied, at each instant that is checked (10 ms, also of the search's own path).
 // In between the robot travels from the nearest such instant of the same frame.
 void check_plan(const PlanResult& result, const PlanRequest& request, const PlannerConfig& config) {
   const Trajectory& plan = result.trajectory;
@@ -111,22 +111,22 @@ void check_plan(const PlanResult& result, const PlanRequest& request, const Plan
   ASSERT_EQ(last.acceleration, Vector3d::Zero());
   for (std::int64_t t = plan.start_utime(); t < plan.end_utime(); t += 1000) {
     const MotionState state = plan.at(t);
-    ASSERT_LE(state.velocity.cwiseAbs().maxCoeff(), 1.01 * config.limits.v_max) << t - plan.start_utime();
-    ASSERT_LE(state.acceleration.cwiseAbs().maxCoeff(), 1.006 * config.limits.a_max) << t - plan.start_utime();
+    ASSERT_LE(state.velocity.cwiseAbs().maxCoeff(), 1.01 * config.limits.v_max_mps) << t - plan.start_utime();
+    ASSERT_LE(state.acceleration.cwiseAbs().maxCoeff(), 1.006 * config.limits.a_max_mps2) << t - plan.start_utime();
   }
   ASSERT_TRUE(result.search_status != SearchStatus::kPartial || result.outcome == PlanOutcome::kUnsafe);
   if (result.outcome == PlanOutcome::kUnsafe || !result.fly) return;
 
   const Sogm occupied = compose_independently(request);
   const GridGeometry& grid = occupied.geometry;
-  const double radius = config.zones.radius_m + config.zones.clearance_m;
+  const double radius = config.space.radius_m + config.space.clearance_m;
   const auto free_at = [&](std::int64_t t) {
     const Eigen::Vector3i voxel = grid.voxel_of(plan.at(t).position);
     return distance_to_occupied(occupied, occupied.frame_at(t), grid.center_of(voxel), radius + 0.01) > radius - 1e-6;
   };
   std::int64_t from = request.start_utime;
   if (!free_at(from)) from += std::llround(1e6 * config.search.leave_s);
-  const std::int64_t step = result.outcome == PlanOutcome::kSmooth ? 10'000 : config.search.piece_us / 8;
+  constexpr std::int64_t step = 10'000;
   const std::int64_t begin = request.start_utime + (from - request.start_utime + step - 1) / step * step;
   const double half_diagonal = std::sqrt(3.0) / 2 * grid.resolution_m;
   for (std::int64_t t = begin; t <= request.start_utime + 2'000'000; t += 2500) {
@@ -136,7 +136,7 @@ void check_plan(const PlanResult& result, const PlanRequest& request, const Plan
     for (std::int64_t instant : {before, before + step}) {
       if (occupied.frame_at(instant) == occupied.frame_at(t)) away = std::min(away, std::abs(t - instant));
     }
-    const double required = radius - half_diagonal - 1e-6 * static_cast<double>(away) * 1.75 * config.limits.v_max;
+    const double required = radius - half_diagonal - 1e-6 * static_cast<double>(away) * 1.75 * config.limits.v_max_mps;
     ASSERT_GE(distance_to_occupied(occupied, occupied.frame_at(t), plan.at(t).position, radius), required)
         << t - request.start_utime << " us after the start";
   }
@@ -243,9 +243,9 @@ TEST(PlannerTest, LetsAMovingColumnPass) {
 
 // A column that goes away might turn: where it just was is given a wide berth.
 TEST(PlannerTest, KeepsOutOfWakes) {
-  const auto samples_in_wake = [](double wake_s) {
+  const auto samples_in_wake = [](double recently_occupied_s) {
     PlannerConfig config = flat_config();
-    config.zones.wake_s = wake_s;
+    config.space.recently_occupied_s = recently_occupied_s;
     Planner planner(config);
     Sogm sogm = map_at(kStart);
     const Vector3d from(0, -0.2, 0), velocity(0, 0.9, 0);
@@ -387,14 +387,14 @@ TEST(PlannerTest, StuckItKeepsAnEarlierPlanThatEndsNearerToTheGoal) {
 }
 
 // A wall appears before the goal: the way around it is known at once for another goal, otherwise a quarter of a second
-// after the guidance was made.
-TEST(PlannerTest, GuidanceServesPlansForAWhile) {
+// after the static_heuristic was made.
+TEST(PlannerTest, StaticHeuristicServesPlansForAWhile) {
   Planner planner(flat_config());
   const auto detour_s = [&](std::int64_t utime, bool walled, const Vector3d& goal) {
     Sogm sogm = map_at(utime);
     if (walled) mark_box(&sogm, {3.0, -2.0, -9}, {3.4, 2.0, 9});
     planner.plan(make_request(sogm, hovering({0.03, 0.03, 0.02}), goal));
-    const CostToGo& to_go = *planner.search_problem().cost_to_go;
+    const SpaceTimeHeuristic& to_go = *planner.search_problem().heuristic;
     const int last = to_go.num_steps();
     return to_go.delay_s(last, to_go.cell_of(last, 0, 2.3), to_go.cell_of(last, 1, 0.1), to_go.cell_of(last, 2, 0.1));
   };
@@ -433,14 +433,14 @@ TEST(PlannerTest, AStuckSearchTakesFinerStepsInTurns) {
 }
 
 // A wall appears in front of the robot: the cost to go knows of it in the maps themselves, but serves for two of them.
-TEST(PlannerTest, CostToGoServesTheNextMap) {
+TEST(PlannerTest, SpaceTimeHeuristicServesTheNextMap) {
   Planner planner(flat_config());
   const Vector3d start(0.03, 0.03, 0.02);
   const auto delay_s = [&](std::int64_t utime, bool walled, const Vector3d& goal) {
     Sogm sogm = map_at(utime);
     if (walled) mark_box(&sogm, {0.9, -2.0, -9}, {1.3, 2.0, 9});
     planner.plan(make_request(sogm, hovering(start), goal));
-    const CostToGo& to_go = *planner.search_problem().cost_to_go;
+    const SpaceTimeHeuristic& to_go = *planner.search_problem().heuristic;
     return to_go.delay_s(0, to_go.cell_of(0, 0, start.x()), to_go.cell_of(0, 1, start.y()),
                          to_go.cell_of(0, 2, start.z()));
   };
@@ -463,10 +463,10 @@ double jerk_integral(const Trajectory& trajectory) {
 TEST(PlannerTest, SmoothingLowersTheJerkOfTheSearchedPathInsideItsCorridors) {
   Rng rng(1);
   PlannerConfig config = flat_config();
-  config.zones.wake_s = 0.0;
+  config.space.recently_occupied_s = 0.0;
   Planner planner(config);
   SearchLimits limits = config.limits;
-  limits.v_max *= Planner::kUsableSpeed;
+  limits.v_max_mps *= Planner::kUsableSpeed;
   KinodynamicSearch search(limits, config.search);
   int compared = 0, much_better = 0;
   for (int trial = 0; trial < 30; ++trial) {
@@ -478,14 +478,12 @@ TEST(PlannerTest, SmoothingLowersTheJerkOfTheSearchedPathInsideItsCorridors) {
     const PlanResult& result = planner.plan(request);
     if (result.outcome != PlanOutcome::kSmooth) continue;
     const MotionState start = request.own.at(request.start_utime);
-    const Reach reach{start.position, request.start_utime,
-                      limits.v_max,   1e-6 * config.search.piece_us * config.search.num_pieces,
-                      limits.a_max,   start.velocity};
-    Sogm blocked, near, tight, contact;
-    dilate(sogm, config.zones.radius_m + config.zones.clearance_m, &blocked);
-    dilate(blocked, config.zones.comfort_m, &near);
-    dilate(sogm, config.zones.radius_m + config.zones.tight_m, &tight);
-    dilate(sogm, config.zones.radius_m - config.zones.contact_m, &contact);
+    const ReachableSet reach{start.position,    request.start_utime,
+                             limits.v_max_mps,  1e-6 * config.search.piece_us * config.search.num_pieces,
+                             limits.a_max_mps2, start.velocity};
+    ConfigurationSpace space(config.space);  // all of it worked out beforehand
+    space.compose(sogm, {}, reach);
+    (void)space.layers(0, sogm.num_frames - 1, all_columns(sogm.geometry));
     Sogm still;  // occupied in every frame
     still.reset(sogm.geometry, 1, kStart, sogm.frame_duration_us);
     for (std::size_t i = 0; i < still.words.size(); ++i) {
@@ -497,18 +495,13 @@ TEST(PlannerTest, SmoothingLowersTheJerkOfTheSearchedPathInsideItsCorridors) {
     problem.start = start;
     problem.start_utime = request.start_utime;
     problem.goal = request.goal;
-    problem.blocked = &blocked;
-    problem.near = &near;
-    problem.wake = &blocked;
-    problem.tight = &tight;
-    problem.contact = &contact;
-    CostToGo cost_to_go;
-    Guidance guidance;
-    const double blocked_m = config.zones.blocked_m();
-    const bool guided = guidance.build({&still}, blocked_m, request.goal, limits.space_min.z(), limits.space_max.z());
-    cost_to_go.build({&sogm}, blocked_m, guided ? &guidance : nullptr, reach, request.goal, limits.space_min,
-                     limits.space_max);
-    problem.cost_to_go = &cost_to_go;
+    problem.space = &space;
+    SpaceTimeHeuristic heuristic;
+    StaticHeuristic static_heuristic;
+    const double blocked_m = config.space.blocked_m();
+    static_heuristic.build({&still}, blocked_m, request.goal, limits.space_min.z(), limits.space_max.z());
+    heuristic.build({&sogm}, blocked_m, &static_heuristic, reach, request.goal, limits.space_min, limits.space_max);
+    problem.heuristic = &heuristic;
     SearchResult path;
     SCOPED_TRACE(testing::Message() << "trial " << trial << ": " << describe(request, result));
     const SearchStatus status = search.find(problem, &path);

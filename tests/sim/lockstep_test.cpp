@@ -65,7 +65,7 @@ World circle(int robots, double radius_m, int obstacles, std::uint64_t seed) {
 // Continuous, within the limits, from start to goal.
 void expect_flyable(const Flight& flight) {
   const auto trace = read_trace(flight.directory / "trace.csv");
-  const double v_max = 1.01 * flight.world.speed_mps, a_max = 1.01 * flight.world.acceleration_mps2;
+  const double v_max_mps = 1.01 * flight.world.speed_mps, a_max_mps2 = 1.01 * flight.world.acceleration_mps2;
   ASSERT_EQ(trace.size(), flight.world.robots.size());
   for (const WorldRobot& robot : flight.world.robots) {
     const std::vector<Row>& rows = trace.at(robot.id);
@@ -77,8 +77,8 @@ void expect_flyable(const Flight& flight) {
     for (std::size_t i = 0; i < rows.size(); ++i) {
       SCOPED_TRACE(testing::Message() << "robot " << robot.id << ", row " << i << ", " << rows[i].t_s << " s");
       ASSERT_NEAR(rows[i].t_s, 0.01 * static_cast<double>(i), 1e-9);
-      ASSERT_LE(rows[i].velocity.cwiseAbs().maxCoeff(), v_max);
-      ASSERT_LE(rows[i].acceleration.cwiseAbs().maxCoeff(), a_max);
+      ASSERT_LE(rows[i].velocity.cwiseAbs().maxCoeff(), v_max_mps);
+      ASSERT_LE(rows[i].acceleration.cwiseAbs().maxCoeff(), a_max_mps2);
       if (i == 0) continue;
       const Row &a = rows[i - 1], &b = rows[i];
       ASSERT_LT((b.position - a.position - 0.005 * (a.velocity + b.velocity)).norm(), 5e-5);

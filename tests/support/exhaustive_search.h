@@ -16,15 +16,21 @@ namespace swarm {
 // reach, the one that stops, none, and, where steps are fine, gentle ones at low speed; nearly equal ones once.
 class ExhaustiveSearch {
  public:
-  ExhaustiveSearch(const SearchProblem& problem, const SearchLimits& limits, const SearchOptions& options)
-      : problem_(problem), limits_(limits), options_(options), search_(limits, options), tau_(1e-6 * options.piece_us) {
-    start_blocked_ = occupied_at(*problem.blocked, problem.start.position, problem.start_utime);
-    brake_pieces_ = static_cast<int>(std::ceil(limits.v_max / (tau_ * a_lim()))) + 1;
+  ExhaustiveSearch(const Scene& scene, const SearchProblem& problem, const SearchLimits& limits,
+                   const SearchOptions& options)
+      : scene_(scene),
+        problem_(problem),
+        limits_(limits),
+        options_(options),
+        primitives_(limits, options),
+        tau_(1e-6 * options.piece_us) {
+    start_blocked_ = occupied_at(scene.blocked, problem.start.position, problem.start_utime);
+    brake_pieces_ = static_cast<int>(std::ceil(limits.v_max_mps / (tau_ * a_lim()))) + 1;
     walk(problem.start, 0, 0.0, false);
   }
-  double least_total = INFINITY;    // cost + weight * time to the goal, of the ends that come to rest freely
-  std::int64_t longest_until = -1;  // of all nodes, braking from there
-  bool can_avoid_contact = false;   // some end comes to rest freely and passed no contact zone
+  double least_total = INFINITY;     // cost + weight * time to the goal, of the ends that come to rest freely
+  std::int64_t longest_until = -1;   // of all nodes, braking from there
+  bool can_avoid_collision = false;  // some end comes to rest freely and nowhere collided
   int nodes = 0;
 
   // Cost of the knots' first pieces and the remaining time to the goal: what the search minimises.
@@ -37,13 +43,13 @@ class ExhaustiveSearch {
   }
 
  private:
-  double a_lim() const { return 0.98 * limits_.a_max; }
+  double a_lim() const { return 0.98 * limits_.a_max_mps2; }
 
   double time_to_goal(const MotionState& state) const {
     double longest = 0.0, sum = 0.0;
     for (int axis = 0; axis < 3; ++axis) {
-      const double t =
-          min_time_to_rest(problem_.goal[axis] - state.position[axis], state.velocity[axis], limits_.v_max, a_lim());
+      const double t = min_time_to_rest(problem_.goal[axis] - state.position[axis], state.velocity[axis],
+                                        limits_.v_max_mps, a_lim());
       longest = std::max(longest, t);
       sum += t;
     }
@@ -67,8 +73,8 @@ class ExhaustiveSearch {
     const double p = from.position[axis], v = from.velocity[axis], a = from.acceleration[axis];
     // After a1 and one more primitive to a = 0 the speed is v + tau/3 a + tau a1.
     const double drift = v + tau_ / 3 * a;
-    const double most = std::min(a_lim(), std::max(-a_lim(), (limits_.v_max - drift) / tau_));
-    const double least = std::max(-a_lim(), std::min(a_lim(), (-limits_.v_max - drift) / tau_));
+    const double most = std::min(a_lim(), std::max(-a_lim(), (limits_.v_max_mps - drift) / tau_));
+    const double least = std::max(-a_lim(), std::min(a_lim(), (-limits_.v_max_mps - drift) / tau_));
     std::vector<double> wishes = {a_lim(), -a_lim(), std::clamp(-drift / tau_, least, most), 0.0};
     if (problem_.fine && std::abs(v) < options_.slow_mps / 2) wishes.insert(wishes.end(), {a_lim() / 4, -a_lim() / 4});
     std::vector<double> choices;
@@ -83,21 +89,21 @@ class ExhaustiveSearch {
   // INFINITY when blocked.
   double piece_cost(const MotionState& from, const MotionState& to, int depth) const {
     const ControlPoints points = quintic_control_points(from, to, tau_);
-    double cost = tau_ * (1.0 + options_.effort_weight * (to.acceleration / limits_.a_max).squaredNorm());
+    double cost = tau_ * (1.0 + options_.effort_weight * (to.acceleration / limits_.a_max_mps2).squaredNorm());
     for (int i = 1; i <= kSamples; ++i) {
       const Eigen::Vector3d p = evaluate_bezier(points, tau_, static_cast<double>(i) / kSamples).position;
       const std::int64_t since = (std::int64_t{depth} * kSamples + i) * options_.piece_us / kSamples;
       const std::int64_t utime = problem_.start_utime + since;
       double weight = 0.0;
-      if (occupied_at(*problem_.near, p, utime)) {
-        weight += options_.near_weight;
-        if (problem_.wake != nullptr && occupied_at(*problem_.wake, p, utime)) weight += options_.wake_weight;
+      if (occupied_at(scene_.inflation, p, utime)) {
+        weight += options_.inflation_weight;
+        if (occupied_at(scene_.recently_occupied, p, utime)) weight += options_.recently_occupied_weight;
       }
-      if (occupied_at(*problem_.blocked, p, utime)) {
+      if (occupied_at(scene_.blocked, p, utime)) {
         if (!start_blocked_ || since > static_cast<std::int64_t>(options_.leave_s * 1e6)) return INFINITY;
         weight += options_.leave_weight;
-        if (occupied_at(*problem_.tight, p, utime)) weight += 9 * options_.leave_weight;
-        if (occupied_at(*problem_.contact, p, utime)) weight += 90 * options_.leave_weight;
+        if (occupied_at(scene_.emergency, p, utime)) weight += 9 * options_.leave_weight;
+        if (occupied_at(scene_.collision, p, utime)) weight += 90 * options_.leave_weight;
       }
       cost += weight * tau_ / kSamples;
     }
@@ -113,12 +119,12 @@ class ExhaustiveSearch {
     for (int k = 1; k <= brake_pieces_; ++k) {
       const Eigen::Vector3d a1 =
           k < brake_pieces_ ? (-drift / (tau_ * (brake_pieces_ - 1))).eval() : Eigen::Vector3d::Zero().eval();
-      path.knots[static_cast<std::size_t>(k)] = search_.propagate(path.knots[static_cast<std::size_t>(k) - 1], a1);
+      path.knots[static_cast<std::size_t>(k)] = primitives_.propagate(path.knots[static_cast<std::size_t>(k) - 1], a1);
     }
     for (int i = 1; i <= (options_.num_pieces - depth) * kSamples; ++i) {
       const std::int64_t since = (std::int64_t{depth} * kSamples + i) * options_.piece_us / kSamples;
       if (start_blocked_ && since <= static_cast<std::int64_t>(options_.leave_s * 1e6)) continue;
-      if (occupied_at(*problem_.blocked, state_at(path, tau_, i * tau_ / kSamples).position,
+      if (occupied_at(scene_.blocked, state_at(path, tau_, i * tau_ / kSamples).position,
                       problem_.start_utime + since)) {
         return problem_.start_utime + since;
       }
@@ -131,7 +137,7 @@ class ExhaustiveSearch {
     for (int i = 1; i <= kSamples; ++i) {
       const std::int64_t since = (std::int64_t{depth} * kSamples + i) * options_.piece_us / kSamples;
       const Eigen::Vector3d p = evaluate_bezier(points, tau_, static_cast<double>(i) / kSamples).position;
-      if (occupied_at(*problem_.contact, p, problem_.start_utime + since)) return true;
+      if (occupied_at(scene_.collision, p, problem_.start_utime + since)) return true;
     }
     return false;
   }
@@ -143,7 +149,7 @@ class ExhaustiveSearch {
     if (depth == options_.num_pieces - brake_pieces_) {
       if (until == kNever) {
         least_total = std::min(least_total, cost + options_.heuristic_weight * time_to_goal(node));
-        can_avoid_contact = can_avoid_contact || !touched;
+        can_avoid_collision = can_avoid_collision || !touched;
       }
       return;
     }
@@ -152,7 +158,7 @@ class ExhaustiveSearch {
     for (double x : choices[0]) {
       for (double y : choices[1]) {
         for (double z : choices[2]) {
-          const MotionState next = search_.propagate(node, {x, y, z});
+          const MotionState next = primitives_.propagate(node, {x, y, z});
           const double added = piece_cost(node, next, depth);
           if (added < INFINITY) walk(next, depth + 1, cost + added, touched || touches(node, next, depth));
         }
@@ -160,10 +166,11 @@ class ExhaustiveSearch {
     }
   }
 
+  const Scene& scene_;
   const SearchProblem& problem_;
   SearchLimits limits_;
   SearchOptions options_;
-  KinodynamicSearch search_;
+  Primitives primitives_;
   double tau_;
   int brake_pieces_;
   bool start_blocked_;

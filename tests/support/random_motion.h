@@ -6,7 +6,7 @@
 #include <ostream>
 #include <random>
 
-#include "planner_daemon/trajectory/trajectory.h"
+#include "planner_daemon/trajectory/motion.h"
 
 namespace swarm {
 

@@ -1,4 +1,4 @@
-// Scenes for the search's tests: the zones around a map, starts, and what its results mean.
+// Scenes for the search's tests: the configuration space around a map, starts, and what its results mean.
 #pragma once
 
 #include <Eigen/Core>
@@ -10,6 +10,7 @@
 #include <string>
 
 #include "map_daemon/dilation.h"
+#include "planner_daemon/search/escape.h"
 #include "planner_daemon/search/kinodynamic_search.h"
 #include "tests/support/random_map.h"
 #include "tests/support/random_motion.h"
@@ -18,29 +19,40 @@ namespace swarm {
 
 inline constexpr std::int64_t kStart = 1'700'000'000'000'000;
 inline constexpr std::int64_t kNever = std::numeric_limits<std::int64_t>::max();
-inline constexpr double kBlocked_m = 0.3, kNear_m = 0.45, kTight_m = 0.23, kContact_m = 0.16;
-inline constexpr int kSamples = 8;  // collision checks per primitive
+inline constexpr double kBlocked_m = 0.3, kInflation_m = 0.15, kEmergency_m = 0.23, kCollision_m = 0.16;
+inline constexpr int kSamples = kBlockSamples;  // of a primitive, at the speeds and resolutions of these tests
 
-// The zones that a search looks at.
+// A map, the configuration space around it that a search looks at, and what its layers must be by their definition.
 struct Scene {
-  explicit Scene(const Sogm& map) : occupied(map) {
+  explicit Scene(const Sogm& map, double recently_occupied_s = 0.0)
+      : occupied(map),
+        space({.radius_m = 0.2,
+               .clearance_m = kBlocked_m - 0.2,
+               .emergency_clearance_m = kEmergency_m - 0.2,
+               .collision_depth_m = 0.2 - kCollision_m,
+               .inflation_m = kInflation_m,
+               .recently_occupied_s = recently_occupied_s}) {
+    Sogm recently = occupied;
+    const auto frames_back =
+        static_cast<int>(std::llround(1e6 * recently_occupied_s / static_cast<double>(map.frame_duration_us)));
+    for (int frame = 0; frame < map.num_frames; ++frame) {
+      for (int before = std::max(0, frame - frames_back); before < frame; ++before) {
+        for (int i = 0; i < map.geometry.words_per_frame(); ++i)
+          recently.column(frame, 0, 0)[i] |= map.column(before, 0, 0)[i];
+      }
+    }
     dilate(occupied, kBlocked_m, &blocked);
-    dilate(occupied, kNear_m, &near);
-    dilate(occupied, kTight_m, &tight);
-    dilate(occupied, kContact_m, &contact);
+    dilate(recently, kBlocked_m, &recently_occupied);
+    dilate(recently_occupied, kInflation_m, &inflation);
+    dilate(occupied, kEmergency_m, &emergency);
+    dilate(occupied, kCollision_m, &collision);
+    space.compose(occupied, {}, {});
   }
   SearchProblem problem(const MotionState& start, std::int64_t start_utime, const Eigen::Vector3d& goal) const {
-    SearchProblem p;
-    p.start = start;
-    p.start_utime = start_utime;
-    p.goal = goal;
-    p.blocked = &blocked;
-    p.near = &near;
-    p.tight = &tight;
-    p.contact = &contact;
-    return p;
+    return {start, start_utime, goal, &space};
   }
-  Sogm occupied, blocked, near, tight, contact;
+  Sogm occupied, blocked, recently_occupied, inflation, emergency, collision;
+  mutable ConfigurationSpace space;  // works itself out while it is looked at
 };
 
 inline bool occupied_at(const Sogm& sogm, const Eigen::Vector3d& position, std::int64_t utime) {
@@ -54,9 +66,9 @@ inline MotionState viable_state(Rng& rng, const SearchLimits& limits, double tau
   for (int axis = 0; axis < 3; ++axis) {
     double &v = state.velocity[axis], &a = state.acceleration[axis];
     do {
-      v = uniform(rng, -limits.v_max, limits.v_max);
-      a = uniform(rng, -0.98 * limits.a_max, 0.98 * limits.a_max);
-    } while (std::abs(v + tau / 3 * a) > limits.v_max);
+      v = uniform(rng, -limits.v_max_mps, limits.v_max_mps);
+      a = uniform(rng, -0.98 * limits.a_max_mps2, 0.98 * limits.a_max_mps2);
+    } while (std::abs(v + tau / 3 * a) > limits.v_max_mps);
   }
   return state;
 }

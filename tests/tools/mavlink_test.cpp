@@ -120,7 +120,7 @@ Bytes raw_frame(std::uint32_t id, const Bytes& payload, std::uint8_t extra, std:
   return bytes;
 }
 
-// Made by another implementation (node-mavlink 2.3.0).
+// CacheKey by another implementation (node-mavlink 2.3.0).
 TEST(Mavlink, AgreesWithAnotherImplementation) {
   struct Vector {
     Sender sender;

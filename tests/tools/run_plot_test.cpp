@@ -54,6 +54,30 @@ TEST(RunPlot, DrawsWhatWasReported) {
   }
 }
 
+TEST(RunPlot, AnimatedSvgHoldsAllThatMoves) {
+  if (!has_matplotlib()) GTEST_SKIP() << "needs Matplotlib";
+  const TemporaryDirectory directory;
+  write_text(directory / "shapes.json", kWorld);
+  const Finished flown = run_program(std::vector<std::string>{"swarm_sim", "run", directory / "shapes.json",
+                                                              "--time-limit", "6", "--out", directory / "run"});
+  ASSERT_NE(flown.exit_code, 2) << flown.err;
+  const Finished drawn = run_tool("movie", {directory / "run", "--out", directory / "run.svg"});
+  ASSERT_EQ(drawn.exit_code, 0) << drawn.err;
+  const std::string svg = read_text(directory / "run.svg");
+  EXPECT_TRUE(svg.starts_with("<svg ") && svg.ends_with("</svg>\n"));
+  EXPECT_EQ(svg.find("nan"), svg.npos);
+  const auto count = [&svg](const std::string& text) {
+    int found = 0;
+    for (std::size_t at = 0; (at = svg.find(text, at)) != svg.npos; ++at) ++found;
+    return found;
+  };
+  EXPECT_EQ(count("class=\"robot\""), 2);
+  EXPECT_EQ(count("class=\"way\""), 2);
+  EXPECT_EQ(count("class=\"column\""), 4);  // with box and sphere
+  EXPECT_EQ(count("class=\"ring\""), 1);
+  EXPECT_EQ(count("<animateTransform "), 2 + 5);
+}
+
 TEST(RunPlot, BadInputIsNamed) {
   if (!has_matplotlib()) GTEST_SKIP() << "needs Matplotlib";
   const TemporaryDirectory directory;
@@ -64,7 +88,7 @@ TEST(RunPlot, BadInputIsNamed) {
   expect(run_tool("plot_run", {directory / "none"}), "world.json");
   expect(run_tool("plot_run", {}), "the directory of a run must be given");
   expect(run_tool("plot_run", {directory / "none", "--time", "soon"}), "--time soon");
-  expect(run_tool("movie", {directory / "none", "--out", "run.avi"}), "run.avi: must end in .mp4 or .gif");
+  expect(run_tool("movie", {directory / "none", "--out", "run.avi"}), "run.avi: must end in .mp4, .gif or .svg");
   write_text(directory / "world.json", kWorld);
   write_text(directory / "report.json", "{}");
   write_text(directory / "trace.csv", "t,robot,x,y,z,vx,vy,vz,ax,ay,az\n0,3,1,2,3,0,0,0,0,0,0\n");

@@ -14,7 +14,7 @@
 #include "lcmtypes/bus/option_set.h"
 #include "lcmtypes/bus/receive.h"
 #include "lcmtypes/bus/recurring.h"
-#include "planner_daemon/trajectory/trajectory.h"
+#include "planner_daemon/trajectory/motion.h"
 #include "tools/bridge/mavlink.h"
 #include "tools/bridge/ned_frame.h"
 

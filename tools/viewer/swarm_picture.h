@@ -13,7 +13,7 @@
 
 #include "lcmtypes/bus/codec.h"
 #include "map_daemon/sogm_codec.h"
-#include "planner_daemon/trajectory/trajectory.h"
+#include "planner_daemon/trajectory/motion.h"
 
 namespace swarm {
 

@@ -27,13 +27,13 @@ struct Box {
   }
 };
 
-// Reach around the control points, inside the flight space, but never less than the control points.
-Box box_around(const ControlPoints& piece, double reach, const Vector3d& space_min, const Vector3d& space_max) {
+// ReachableSet around the control points, inside the flight space, but never less than the control points.
+Box box_around(const ControlPoints& piece, double extent, const Vector3d& space_min, const Vector3d& space_max) {
   Box box;
   for (int axis = 0; axis < 3; ++axis) {
     const double low = piece.row(axis).minCoeff(), high = piece.row(axis).maxCoeff();
-    box.low[axis] = std::min(low, std::max(low - reach, space_min[axis]));
-    box.high[axis] = std::max(high, std::min(high + reach, space_max[axis]));
+    box.low[axis] = std::min(low, std::max(low - extent, space_min[axis]));
+    box.high[axis] = std::max(high, std::min(high + extent, space_max[axis]));
   }
   return box;
 }
@@ -97,7 +97,7 @@ TEST(CorridorTest, ExcludesAllThatIsOccupiedAndHoldsThePiece) {
       Polytope polytope;
       const FiriStatus status = builder.build(piece, {&sogm}, 0.0, from, to, &polytope);
       for (int k = 0; k < 6; ++k) ASSERT_LE(polytope.violation(piece.col(k)), 1e-9) << "control point " << k;
-      const Box box = box_around(piece, options.reach_m, space_min, space_max);
+      const Box box = box_around(piece, options.extent_m, space_min, space_max);
       for (int i = 0; i < 60; ++i) {  // nothing outside the box
         const Vector3d p = in_box(rng, box.low.array() - 0.5, box.high.array() + 0.5);
         ASSERT_TRUE(box.contains(p) || polytope.violation(p) > 0.0) << p.transpose();
@@ -145,7 +145,7 @@ TEST(CorridorTest, ObstaclesAreTheSurfaceOfTheFramesUnion) {
     const int first = sogm.frame_at(from), last = sogm.frame_at(to - 1);
     Polytope polytope;
     (void)builder.build(piece, {&sogm}, 0.0, from, to, &polytope);
-    const Box box = box_around(piece, options.reach_m, -kEverywhere, kEverywhere);
+    const Box box = box_around(piece, options.extent_m, -kEverywhere, kEverywhere);
     const GridGeometry& grid = sogm.geometry;
     const Vector3i low = grid.voxel_of(box.low), high = grid.voxel_of(box.high);
     const auto in_box_voxels = [&](const Vector3i& v) {
@@ -188,15 +188,15 @@ TEST(CorridorTest, ObstaclesAreTheSurfaceOfTheFramesUnion) {
 TEST(CorridorTest, AnEmptyMapGivesTheBoxInsideTheFlightSpace) {
   Rng rng(3);
   const Vector3d space_min(-2, -2, 0.2), space_max(2, 2, 3);
-  for (double reach : {0.3, 1.2, 3.0}) {
-    CorridorBuilder builder(space_min, space_max, CorridorOptions{reach});
+  for (double extent : {0.3, 1.2, 3.0}) {
+    CorridorBuilder builder(space_min, space_max, CorridorOptions{extent});
     const Sogm sogm = empty_map({6, 6, 4}, 0.1, 3, kStart, 200'000);
     for (int trial = 0; trial < 30; ++trial) {
       const ControlPoints piece = random_piece(rng, {2.5, 2.5, 3});  // some leave the flight space, which gives way
       Polytope polytope;
       ASSERT_EQ(builder.build(piece, {&sogm}, 0.0, kStart, kStart + 200'000, &polytope), FiriStatus::kGrown);
       EXPECT_TRUE(builder.obstacles().empty());
-      const Box box = box_around(piece, reach, space_min, space_max);
+      const Box box = box_around(piece, extent, space_min, space_max);
       for (int i = 0; i < 200; ++i) {
         const Vector3d p = in_box(rng, box.low.array() - 0.3, box.high.array() + 0.3);
         ASSERT_EQ(polytope.violation(p) <= 0.0, box.contains(p)) << p.transpose() << "\n" << piece;

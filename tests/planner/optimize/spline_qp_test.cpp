@@ -95,8 +95,8 @@ Constraints constraints_of(const SplineProblem& problem, const AxisModel& model)
         }
       }
     };
-    add_box(model.velocity, problem.v_max);
-    add_box(model.acceleration, problem.a_max);
+    add_box(model.velocity, problem.v_max_mps);
+    add_box(model.acceleration, problem.a_max_mps2);
   }
   for (int k = 0; k < model.pieces; ++k) {
     const Polytope& corridor = problem.corridors[k];
@@ -265,8 +265,9 @@ struct RandomProblem {
     const Curve ends = model.ends * reference;
     problem.start = {ends.row(0), ends.row(1), ends.row(2)};
     problem.end = {ends.row(3), ends.row(4), ends.row(5)};
-    problem.v_max = (model.velocity * reference).cwiseAbs().maxCoeff() * (1.0 + margin * uniform(rng, 0.0, 1.0));
-    problem.a_max = (model.acceleration * reference).cwiseAbs().maxCoeff() * (1.0 + margin * uniform(rng, 0.0, 1.0));
+    problem.v_max_mps = (model.velocity * reference).cwiseAbs().maxCoeff() * (1.0 + margin * uniform(rng, 0.0, 1.0));
+    problem.a_max_mps2 =
+        (model.acceleration * reference).cwiseAbs().maxCoeff() * (1.0 + margin * uniform(rng, 0.0, 1.0));
     problem.corridors.assign(durations.size(), {});
     const Curve points = model.position * reference;
     for (size_t k = 0; k < durations.size(); ++k) {
@@ -281,7 +282,8 @@ struct RandomProblem {
   std::string text() const {
     std::ostringstream out;
     out.precision(17);
-    out << "degree " << degree << ", v_max " << problem.v_max << ", a_max " << problem.a_max << ", durations";
+    out << "degree " << degree << ", v_max_mps " << problem.v_max_mps << ", a_max_mps2 " << problem.a_max_mps2
+        << ", durations";
     for (double h : durations) out << ' ' << h;
     out << "\nreference\n" << reference;
     for (const Polytope& c : problem.corridors)
@@ -392,10 +394,10 @@ TEST(SplineQp, CertifiesInfeasibilityExactlyWhenFarkasDoes) {
     RandomProblem random(&rng, 4 + trial % 2, 2 + trial % 3, 4, 0.3);
     switch (trial % 4) {
       case 0:
-        random.problem.v_max *= uniform(&rng, 0.7, 1.0);
+        random.problem.v_max_mps *= uniform(&rng, 0.7, 1.0);
         break;
       case 1:
-        random.problem.a_max *= uniform(&rng, 0.5, 1.0);
+        random.problem.a_max_mps2 *= uniform(&rng, 0.5, 1.0);
         break;
       case 2:
         random.problem.corridors[1].offsets.array() -= uniform(&rng, 0.0, 0.2);
@@ -437,7 +439,7 @@ TEST(SplineQp, ContradictoryFacesAtAJointAreInfeasible) {
 TEST(SplineQp, WithoutFacesAndFarBoundsIsTheUnconstrainedOptimum) {
   // A quintic is the minimum of jerk between two states, whatever the pieces.
   SplineProblem problem;
-  problem.v_max = problem.a_max = 1e3;
+  problem.v_max_mps = problem.a_max_mps2 = 1e3;
   problem.start = {{1.0, -2.0, 0.5}, {0.3, 0.2, -0.1}, {-0.5, 0.4, 0.2}};
   problem.end = {{2.0, 1.0, 1.5}, {-0.2, 0.5, 0.0}, {0.1, -0.3, 0.6}};
   SplineSolution one, many;
@@ -496,7 +498,7 @@ TEST(SplineQp, EndsOnTheirFacesAreAcceptedAndEndsOutsideRefused) {
   problem.start.position.x() = -1e-5;
   EXPECT_EQ(qp.solve(problem, &solution), SplineStatus::kInfeasible);
   problem.start.position.x() = 0.0;
-  problem.start.velocity.y() = problem.v_max + 1e-5;
+  problem.start.velocity.y() = problem.v_max_mps + 1e-5;
   EXPECT_EQ(qp.solve(problem, &solution), SplineStatus::kInfeasible);
   problem.start.velocity.y() = 1.0;
   ASSERT_EQ(qp.solve(problem, &solution), SplineStatus::kSolved);
@@ -511,16 +513,16 @@ TEST(SplineQp, EndsOnTheirFacesAreAcceptedAndEndsOutsideRefused) {
 // bounds.
 TEST(SplineQp, CurvesThatRideOnEveryBoundAreFeasible) {
   std::mt19937 rng(7);
-  const double h = 0.2, a_max = 6.0;
+  const double h = 0.2, a_max_mps2 = 6.0;
   for (int trial = 0; trial < 120; ++trial) {
     RandomProblem random(&rng, 4 + trial % 2, 3 + trial % 8, 0, 0.0);
     const int n = random.degree, pieces = static_cast<int>(random.durations.size());
     random.durations.assign(pieces, h);
     random.reference.topRows(2) *= 0.1;
     for (int axis = 0; axis < 3; ++axis) {
-      double last = a_max * (static_cast<int>(rng() % 3) - 1);
+      double last = a_max_mps2 * (static_cast<int>(rng() % 3) - 1);
       for (int k = 0; k < pieces; ++k) {
-        const double next = a_max * (static_cast<int>(rng() % 3) - 1);
+        const double next = a_max_mps2 * (static_cast<int>(rng() % 3) - 1);
         auto acceleration = random.reference.col(axis).segment(2 + k * (n - 2), n - 1);
         acceleration.setConstant(next);
         acceleration(0) = last;
@@ -529,7 +531,7 @@ TEST(SplineQp, CurvesThatRideOnEveryBoundAreFeasible) {
       }
     }
     random.surround(&rng, trial % 3 == 0 ? 0 : 10, 0.0);
-    random.problem.a_max = a_max;
+    random.problem.a_max_mps2 = a_max_mps2;
     if (trial % 3 == 2) {  // and the tight boxes of all points
       const Curve points = AxisModel(n, random.durations).position * random.reference;
       for (int k = 0; k < pieces; ++k) {
@@ -623,11 +625,11 @@ TEST(SplineQp, RefusesBadArgumentsByName) {
   auto solve = [&] { (void)qp.solve(problem, &solution); };
   EXPECT_NE(message(solve).find("corridors.size() = 0"), std::string::npos);
   problem.corridors.resize(2);
-  problem.v_max = 0.0;
-  EXPECT_NE(message(solve).find("v_max = 0"), std::string::npos);
-  problem.v_max = 1.0;
-  problem.a_max = std::nan("");
-  EXPECT_NE(message(solve).find("a_max"), std::string::npos);
+  problem.v_max_mps = 0.0;
+  EXPECT_NE(message(solve).find("v_max_mps = 0"), std::string::npos);
+  problem.v_max_mps = 1.0;
+  problem.a_max_mps2 = std::nan("");
+  EXPECT_NE(message(solve).find("a_max_mps2"), std::string::npos);
 }
 
 TEST(SplineQp, StoredCorridorProblems) {

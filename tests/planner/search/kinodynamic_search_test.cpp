@@ -21,7 +21,7 @@ using Eigen::Vector3d;
 
 // What every result promises, whatever the map: begins at the start, keeps the limits at every millisecond, ends at
 // rest, and is free (or not) when it says so.
-void check_path(const SearchResult& result, SearchStatus status, const SearchProblem& problem,
+void check_path(const SearchResult& result, SearchStatus status, const Scene& scene, const SearchProblem& problem,
                 const SearchLimits& limits, const SearchOptions& options) {
   const double tau = 1e-6 * options.piece_us;
   ASSERT_GE(result.num_pieces, 1);
@@ -36,16 +36,16 @@ void check_path(const SearchResult& result, SearchStatus status, const SearchPro
   ASSERT_TRUE(status != SearchStatus::kGoal || last.position == problem.goal);
   for (double t = 0.0; t < result.num_pieces * tau; t += 0.001) {
     const MotionState state = state_at(result, tau, t);
-    ASSERT_LE(state.velocity.cwiseAbs().maxCoeff(), limits.v_max + 1e-8) << "at " << t << " s";
-    ASSERT_LE(state.acceleration.cwiseAbs().maxCoeff(), limits.a_max + 1e-8) << "at " << t << " s";
+    ASSERT_LE(state.velocity.cwiseAbs().maxCoeff(), limits.v_max_mps + 1e-8) << "at " << t << " s";
+    ASSERT_LE(state.acceleration.cwiseAbs().maxCoeff(), limits.a_max_mps2 + 1e-8) << "at " << t << " s";
   }
   std::int64_t free_until = kNever;
-  ASSERT_EQ(result.left_blocked, occupied_at(*problem.blocked, problem.start.position, problem.start_utime));
+  ASSERT_EQ(result.left_blocked, occupied_at(scene.blocked, problem.start.position, problem.start_utime));
   for (int i = 1; i <= options.num_pieces * kSamples && free_until == kNever; ++i) {
     const std::int64_t since = std::int64_t{i} * options.piece_us / kSamples;
     if (result.left_blocked && since <= static_cast<std::int64_t>(options.leave_s * 1e6)) continue;
     const Vector3d position = state_at(result, tau, i * tau / kSamples).position;
-    if (occupied_at(*problem.blocked, position, problem.start_utime + since)) free_until = problem.start_utime + since;
+    if (occupied_at(scene.blocked, position, problem.start_utime + since)) free_until = problem.start_utime + since;
   }
   // At rest the search looks when a frame begins: at most one sample earlier.
   if (free_until == kNever) {
@@ -63,8 +63,8 @@ TEST(KinodynamicSearchTest, KeepsLimitsInEmptySpaceAndArrivesInTime) {
   int arrivals = 0;
   for (int trial = 0; trial < 200; ++trial) {
     SearchLimits limits;
-    limits.v_max = uniform(rng, 1.0, 2.5);
-    limits.a_max = uniform(rng, 3.0, 9.0);
+    limits.v_max_mps = uniform(rng, 1.0, 2.5);
+    limits.a_max_mps2 = uniform(rng, 3.0, 9.0);
     SearchOptions options;
     const double tau = 1e-6 * options.piece_us;
     KinodynamicSearch search(limits, options);
@@ -73,15 +73,15 @@ TEST(KinodynamicSearchTest, KeepsLimitsInEmptySpaceAndArrivesInTime) {
     problem.goal = problem.start.position + in_cube(rng, uniform(rng, 0.0, 5.0));
     SearchResult result;
     const SearchStatus status = search.find(problem, &result);
-    SCOPED_TRACE(testing::Message() << "trial " << trial << ", v_max " << limits.v_max << ", a_max " << limits.a_max
-                                    << ": " << describe(problem, result, status));
-    ASSERT_NO_FATAL_FAILURE(check_path(result, status, problem, limits, options));
+    SCOPED_TRACE(testing::Message() << "trial " << trial << ", v_max_mps " << limits.v_max_mps << ", a_max_mps2 "
+                                    << limits.a_max_mps2 << ": " << describe(problem, result, status));
+    ASSERT_NO_FATAL_FAILURE(check_path(result, status, scene, problem, limits, options));
     ASSERT_NE(status, SearchStatus::kPartial);
     if (trial % 2 != 0) continue;  // the bounds below do not know accelerations
     double least_s = 0.0;
     for (int axis = 0; axis < 3; ++axis) {
       least_s = std::max(least_s, min_time_to_rest(problem.goal[axis] - problem.start.position[axis],
-                                                   problem.start.velocity[axis], limits.v_max, limits.a_max));
+                                                   problem.start.velocity[axis], limits.v_max_mps, limits.a_max_mps2));
     }
     if (status == SearchStatus::kGoal) {
       ++arrivals;
@@ -103,7 +103,7 @@ TEST(KinodynamicSearchTest, KeepsLimitsInEmptySpaceAndArrivesInTime) {
 // sample's time, or a whole one next to a change of frames.
 void check_clearance(const SearchResult& result, const SearchProblem& problem, const Sogm& occupied,
                      const SearchLimits& limits, const SearchOptions& options) {
-  const double tau = 1e-6 * options.piece_us, speed = std::sqrt(3.0) * limits.v_max;
+  const double tau = 1e-6 * options.piece_us, speed = std::sqrt(3.0) * limits.v_max_mps;
   const double at_samples = kBlocked_m - std::sqrt(3.0) / 2 * occupied.geometry.resolution_m;
   const std::int64_t sample_us = options.piece_us / kSamples;
   for (std::int64_t since = 0; since <= std::int64_t{options.num_pieces} * options.piece_us; since += 1000) {
@@ -141,7 +141,7 @@ TEST(KinodynamicSearchTest, PathsThroughRandomMapsAreFreeAndWithinLimits) {
       const SearchStatus status = search.find(problem, &result);
       SCOPED_TRACE(testing::Message() << "map " << map << " trial " << trial << ": "
                                       << describe(problem, result, status));
-      ASSERT_NO_FATAL_FAILURE(check_path(result, status, problem, limits, options));
+      ASSERT_NO_FATAL_FAILURE(check_path(result, status, scene, problem, limits, options));
       ++seen[static_cast<std::size_t>(status)];
       left_blocked += result.left_blocked;
       if (status != SearchStatus::kPartial && !result.left_blocked) {
@@ -176,7 +176,7 @@ TEST(KinodynamicSearchTest, StaysInsideTheFlightSpace) {
         const Vector3d p = state_at(result, 0.2, t).position;
         reach = std::max({reach, (limits.space_min - p).maxCoeff(), (p - limits.space_max).maxCoeff()});
       }
-      // Between two samples, 25 ms apart, a position can peak by a_max dt^2 / 8 beyond them.
+      // Between two samples, 25 ms apart, a position can peak by a_max_mps2 dt^2 / 8 beyond them.
       ASSERT_LE(reach, 5e-4);
       at_border += reach > -0.05;
     }
@@ -205,7 +205,7 @@ TEST(KinodynamicSearchTest, HoveringInAStaticMapAlwaysSurvivesWhateverTheBudget)
       SCOPED_TRACE(testing::Message() << "map " << map << " trial " << trial << ", budget " << options.max_expansions
                                       << ": " << describe(problem, result, status));
       ASSERT_NE(status, SearchStatus::kPartial);
-      ASSERT_NO_FATAL_FAILURE(check_path(result, status, problem, SearchLimits{}, options));
+      ASSERT_NO_FATAL_FAILURE(check_path(result, status, scene, problem, SearchLimits{}, options));
     }
   }
 }
@@ -241,7 +241,7 @@ TEST(KinodynamicSearchTest, FindsTheBestOfAllChains) {
     KinodynamicSearch search(limits, options);
     SearchResult result;
     const SearchStatus status = search.find(problem, &result);
-    const ExhaustiveSearch all(problem, limits, options);
+    const ExhaustiveSearch all(scene, problem, limits, options);
     SCOPED_TRACE(testing::Message() << "trial " << trial << ", weight " << options.heuristic_weight << ", " << all.nodes
                                     << " nodes: " << describe(problem, result, status));
     ++seen[static_cast<std::size_t>(status)];
@@ -273,7 +273,7 @@ TEST(KinodynamicSearchTest, LeavesBlockedSpaceWithoutATouchWhereAChainCan) {
     const Scene scene(occupied);
     MotionState start = at_rest(in_box(rng, {-1, -1, 0}, {1, 1, 0}));
     start.velocity = in_box(rng, {-1.8, -1.8, 0}, {1.8, 1.8, 0});
-    if (!occupied_at(scene.blocked, start.position, kStart) || occupied_at(scene.tight, start.position, kStart))
+    if (!occupied_at(scene.blocked, start.position, kStart) || occupied_at(scene.emergency, start.position, kStart))
       continue;
     SearchLimits limits;
     limits.space_min.z() = -0.01;
@@ -283,7 +283,7 @@ TEST(KinodynamicSearchTest, LeavesBlockedSpaceWithoutATouchWhereAChainCan) {
     shorter.num_pieces = 6;
     SearchProblem coarse = problem;
     coarse.fine = false;
-    if (!ExhaustiveSearch(coarse, limits, shorter).can_avoid_contact) {
+    if (!ExhaustiveSearch(scene, coarse, limits, shorter).can_avoid_collision) {
       ++unavoidable;
       continue;
     }
@@ -293,11 +293,11 @@ TEST(KinodynamicSearchTest, LeavesBlockedSpaceWithoutATouchWhereAChainCan) {
     SearchResult result;
     const SearchStatus status = search.find(problem, &result);
     SCOPED_TRACE(testing::Message() << describe(problem, result, status));
-    ASSERT_NO_FATAL_FAILURE(check_path(result, status, problem, limits, options));
+    ASSERT_NO_FATAL_FAILURE(check_path(result, status, scene, problem, limits, options));
     partial += status == SearchStatus::kPartial;
     bool touches = false;
     for (int i = 1; i <= 18; ++i) {
-      touches = touches || occupied_at(scene.contact, state_at(result, 0.2, 0.025 * i).position, kStart);
+      touches = touches || occupied_at(scene.collision, state_at(result, 0.2, 0.025 * i).position, kStart);
     }
     touched += touches;
   }
@@ -332,7 +332,7 @@ TEST(KinodynamicSearchTest, FollowsAMovingGoalThroughAStaticMap) {
       const SearchStatus status = search.find(problem, &result);
       SCOPED_TRACE(testing::Message() << "trial " << trial << " step " << step << ": "
                                       << describe(problem, result, status));
-      ASSERT_NO_FATAL_FAILURE(check_path(result, status, problem, limits, options));
+      ASSERT_NO_FATAL_FAILURE(check_path(result, status, scene, problem, limits, options));
       ASSERT_NE(status, SearchStatus::kPartial);
       if (step > 5) farthest = std::max(farthest, (problem.goal - problem.start.position).norm());
       plan = result;
@@ -354,7 +354,7 @@ TEST(KinodynamicSearchTest, AGoalCountsOnlyWhenItStaysFree) {
     const SearchProblem problem = scene.problem(at_rest({-0.31, 0.03, 0.02}), kStart, goal);
     const SearchStatus status = search.find(problem, &result);
     SCOPED_TRACE(describe(problem, result, status));
-    check_path(result, status, problem, limits, options);
+    check_path(result, status, scene, problem, limits, options);
     return status;
   };
   const Sogm empty = empty_map({5, 5, 3}, 0.1, 10, kStart, 200'000);
@@ -382,13 +382,13 @@ TEST(KinodynamicSearchTest, LeavesBlockedSpaceWithoutTouching) {
   mark_box(&occupied, {0.2, -9, -9}, {0.3, 9, 9});  // one voxel thick, at x = 0.25; the goal lies behind it
   const Scene scene(occupied);
   MotionState start = at_rest({-0.049, 0.01, 0.02});
-  start.velocity.x() = 0.8;  // able to stop before the contact zone
+  start.velocity.x() = 0.8;  // able to stop before a collision
   const SearchProblem problem = scene.problem(start, kStart, {2, 0, 0});
   const auto find = [&](SearchResult* result) {
     KinodynamicSearch search(limits, options);
     const SearchStatus status = search.find(problem, result);
     SCOPED_TRACE(describe(problem, *result, status));
-    check_path(*result, status, problem, limits, options);
+    check_path(*result, status, scene, problem, limits, options);
     EXPECT_NE(status, SearchStatus::kPartial);
     EXPECT_TRUE(result->left_blocked);
   };
@@ -396,7 +396,7 @@ TEST(KinodynamicSearchTest, LeavesBlockedSpaceWithoutTouching) {
   find(&result);
   for (double t = 0.0; t < 2.0; t += 0.001) {
     const Vector3d p = state_at(result, 0.2, t).position;
-    ASSERT_FALSE(occupied_at(scene.contact, p, kStart)) << "at " << t << " s: " << p.transpose();
+    ASSERT_FALSE(occupied_at(scene.collision, p, kStart)) << "at " << t << " s: " << p.transpose();
     ASSERT_TRUE(t < options.leave_s || !occupied_at(scene.blocked, p, kStart)) << "at " << t << " s: " << p.transpose();
   }
   EXPECT_LT(result.knots[static_cast<std::size_t>(result.num_pieces)].position.x(), -0.05);
@@ -416,7 +416,7 @@ TEST(KinodynamicSearchTest, WithNoWayOutTheMotionIsFreeAsLongAsAnyCanBe) {
   const SearchProblem problem = scene.problem(at_rest({0.1, 0.1, 0.1}), kStart + 10'000, {1, 0.5, 0});
   SearchResult result;
   ASSERT_EQ(search.find(problem, &result), SearchStatus::kPartial);
-  ASSERT_NO_FATAL_FAILURE(check_path(result, SearchStatus::kPartial, problem, limits, options));
+  ASSERT_NO_FATAL_FAILURE(check_path(result, SearchStatus::kPartial, scene, problem, limits, options));
   EXPECT_EQ(result.free_until_utime, kStart + 1'210'000);  // the first sample in frame 6
 
   // Where the goal lies the end comes while braking; elsewhere one frame later.
@@ -428,117 +428,46 @@ TEST(KinodynamicSearchTest, WithNoWayOutTheMotionIsFreeAsLongAsAnyCanBe) {
   EXPECT_EQ(result.free_until_utime, kStart + 1'800'000);
 }
 
-TEST(KinodynamicSearchTest, KeepsOutOfTheNearZoneWhereThatCostsLittle) {
+TEST(KinodynamicSearchTest, KeepsOutOfTheInflationWhereThatCostsLittle) {
   const SearchLimits limits;
   SearchOptions options;
   Sogm occupied = empty_map({6, 6, 3}, 0.1, 10, kStart, 200'000);
   mark_moving(&occupied, {0, -0.3, 0}, Vector3d::Zero(), 0.08, true);  // beside the straight way
   const Scene scene(occupied);
   const SearchProblem problem = scene.problem(at_rest({-0.51, 0.01, 0.02}), kStart, {9, 0.01, 0.02});
-  const auto samples_near = [&] {
+  const auto samples_inflated = [&] {
     KinodynamicSearch search(limits, options);
     SearchResult result;
     const SearchStatus status = search.find(problem, &result);
     EXPECT_NE(status, SearchStatus::kPartial);
     int count = 0;
     for (double t = 0.0; t < 2.0; t += 0.005)
-      count += occupied_at(scene.near, state_at(result, 0.2, t).position, kStart);
+      count += occupied_at(scene.inflation, state_at(result, 0.2, t).position, kStart);
     return count;
   };
-  const int avoiding = samples_near();
-  options.near_weight = 0.0;
-  EXPECT_LT(avoiding, samples_near());
+  const int avoiding = samples_inflated();
+  options.inflation_weight = 0.0;
+  EXPECT_LT(avoiding, samples_inflated());
 }
 
-// A shot at the goal would be free, but crosses where an obstacle may come back.
-TEST(KinodynamicSearchTest, ShotsKeepOutOfWakes) {
-  const SearchLimits limits;
-  const Sogm occupied = empty_map({6, 6, 3}, 0.1, 10, kStart, 200'000);
-  const Scene scene(occupied);
-  Sogm wake = occupied;
-  mark_box(&wake, {-0.4, -0.2, -9}, {0.4, 0.1, 9});
-  SearchProblem problem = scene.problem(at_rest({-1, 0.01, 0.02}), kStart, {0.9, 0.01, 0.02});
-  problem.near = &wake;
-  const auto samples_in_wake = [&](SearchStatus* status) {
-    KinodynamicSearch search(limits, SearchOptions());
+// A shot at the goal would be free, but crosses where an obstacle was a moment ago and may come back to.
+TEST(KinodynamicSearchTest, ShotsKeepOutOfWhatWasRecentlyOccupied) {
+  Sogm occupied = empty_map({6, 6, 3}, 0.1, 10, kStart, 200'000);
+  mark_box(&occupied, {-0.4, -0.2, -9}, {0.4, 0.1, 9}, 0, 0);
+  const Scene avoided(occupied, 2.0), forgotten(occupied, 0.0);
+  const auto samples_there = [&](const Scene& scene, SearchStatus expected) {
+    KinodynamicSearch search(SearchLimits{}, SearchOptions{});
     SearchResult result;
-    *status = search.find(problem, &result);
+    EXPECT_EQ(search.find(scene.problem(at_rest({-1, 0.01, 0.02}), kStart, {0.9, 0.01, 0.02}), &result), expected);
     int count = 0;
     for (double t = 0.0; t < result.num_pieces * 0.2; t += 0.005)
-      count += occupied_at(wake, state_at(result, 0.2, t).position, kStart);
+      count += occupied_at(avoided.recently_occupied, state_at(result, 0.2, t).position,
+                           kStart + static_cast<std::int64_t>(1e6 * t));
     return count;
   };
-  SearchStatus status;
-  const int without = samples_in_wake(&status);
+  const int without = samples_there(forgotten, SearchStatus::kGoal);
   EXPECT_GT(without, 40);
-  EXPECT_EQ(status, SearchStatus::kGoal);
-  problem.wake = &wake;
-  EXPECT_LT(samples_in_wake(&status), without / 4);
-}
-
-TEST(KinodynamicSearchTest, HarmIsWhatBlockedSpaceCostsTheSoonerTheMore) {
-  const SearchOptions options;
-  Sogm occupied = empty_map({6, 6, 3}, 0.1, 10, kStart, 200'000);
-  const Vector3d place(0.05, 0.05, 0.05);  // a voxel's centre
-  mark_moving(&occupied, place, Vector3d::Zero(), 0.01);
-  const Scene scene(occupied);
-  KinodynamicSearch search(SearchLimits(), options);
-  SearchProblem problem = scene.problem(at_rest({2, 2, 1}), kStart, {2, 2, 1});
-  SearchResult result;
-  (void)search.find(problem, &result);
-  const auto hovering = [](const Vector3d& at) { return Motion{Trajectory::hover(1, kStart, at), {}}; };
-  // The weight falls from 1 to 0.05 within the first 0.95 s: mean (1 + 0.05) / 2; then 0.05 until 2 s.
-  const double all = options.leave_weight * (0.95 * 0.525 + 1.05 * 0.05);
-  EXPECT_NEAR(search.harm(hovering(place + Vector3d(0.3, 0, 0))), all, 0.02 * all);
-  EXPECT_NEAR(search.harm(hovering(place + Vector3d(0.2, 0, 0))), 10 * all, 0.2 * all);
-  EXPECT_NEAR(search.harm(hovering(place + Vector3d(0.1, 0, 0))), 100 * all, 2 * all);
-  EXPECT_EQ(search.harm(hovering(place + Vector3d(0.4, 0, 0))), 0.0);
-  // Half as long, but later: far less.
-  Sogm late = empty_map({6, 6, 3}, 0.1, 10, kStart, 200'000);
-  mark_box(&late, place.array() - 0.01, place.array() + 0.01, 5, 9);
-  const Scene later(late);
-  problem = later.problem(at_rest({2, 2, 1}), kStart, {2, 2, 1});
-  (void)search.find(problem, &result);
-  EXPECT_NEAR(search.harm(hovering(place)), 100 * options.leave_weight * 1.0 * 0.05, 3.0);
-}
-
-// A column comes from where the goal lies: to its sides, or away from it, nothing is touched.
-TEST(KinodynamicSearchTest, InAnEmergencyTheWayOutDoesLeastHarm) {
-  const SearchLimits limits;
-  SearchOptions options;
-  options.piece_us = 100'000;
-  options.max_expansions *= 2;
-  KinodynamicSearch search(limits, options);
-  CostToGo cost_to_go;
-  int touched_at_rest = 0;
-  Rng rng(4);
-  for (int trial = 0; trial < 20; ++trial) {
-    Sogm occupied = empty_map({6, 6, 3}, 0.1, 20, kStart, 100'000);
-    const double angle = uniform(rng, 0, 6.28);
-    const Vector3d side(std::cos(angle), std::sin(angle), 0);
-    mark_moving(&occupied, -0.8 * side, 1.0 * side, 0.3, true);
-    const Scene scene(occupied);
-    SearchProblem problem = scene.problem(at_rest({0, 0, 0}), kStart, -3 * side);
-    problem.emergency = true;
-    problem.fine = false;
-    cost_to_go.build({&occupied}, kBlocked_m, nullptr, {problem.start.position, kStart, limits.v_max, 1.0},
-                     problem.goal, limits.space_min, limits.space_max);
-    problem.cost_to_go = &cost_to_go;
-    SearchResult result;
-    ASSERT_EQ(search.find(problem, &result), SearchStatus::kSurvives);
-    SCOPED_TRACE(testing::Message() << "trial " << trial << ": " << describe(problem, result, SearchStatus::kSurvives));
-    EXPECT_LE(result.expansions, options.max_expansions);
-    int touches = 0;
-    for (double t = 0.0; t < 1.0; t += 0.005) {
-      const MotionState state = state_at(result, 0.1, t);
-      touches += occupied_at(scene.contact, state.position, kStart + static_cast<std::int64_t>(t * 1e6));
-      touched_at_rest += occupied_at(scene.contact, Vector3d::Zero(), kStart + static_cast<std::int64_t>(t * 1e6));
-      ASSERT_LE(state.velocity.cwiseAbs().maxCoeff(), limits.v_max + 1e-8);
-      ASSERT_LE(state.acceleration.cwiseAbs().maxCoeff(), limits.a_max + 1e-8);
-    }
-    EXPECT_EQ(touches, 0);
-  }
-  EXPECT_GT(touched_at_rest, 20 * 50);
+  EXPECT_LT(samples_there(avoided, SearchStatus::kGoal), without / 4);
 }
 
 TEST(KinodynamicSearchTest, RepeatsBitForBit) {
@@ -567,9 +496,9 @@ TEST(KinodynamicSearchTest, RepeatsBitForBit) {
 }
 
 TEST(KinodynamicSearchTest, RefusesAHorizonThatCannotHoldTheBraking) {
-  const auto error = [](double v_max, int pieces) -> std::string {
+  const auto error = [](double v_max_mps, int pieces) -> std::string {
     SearchLimits limits;
-    limits.v_max = v_max;
+    limits.v_max_mps = v_max_mps;
     SearchOptions options;
     options.num_pieces = pieces;
     try {

@@ -22,11 +22,11 @@ constexpr double kBlocked_m = 0.25;
 
 // Times to the goal [ticks] of every cell at the start of every step, the whole window; only cells that `known` says
 // are reached then may be passed.
-class PlainCostToGo {
+class PlainSpaceTimeHeuristic {
  public:
   using Known = std::function<bool(int step, const Vector3i& cell)>;
-  PlainCostToGo(const Sogm& occupied, const Guidance* guidance, double speed_mps, const Vector3d& goal, double low_z,
-                double high_z, int num_steps, const Known& known)
+  PlainSpaceTimeHeuristic(const Sogm& occupied, const StaticHeuristic* static_heuristic, double speed_mps,
+                          const Vector3d& goal, double low_z, double high_z, int num_steps, const Known& known)
       : size(cells_in(occupied.geometry)) {
     const GridGeometry& grid = occupied.geometry;
     const double cell_m = kCellVoxels * grid.resolution_m, step_s = cell_m / speed_mps;
@@ -40,8 +40,8 @@ class PlainCostToGo {
     });
     values.assign(static_cast<std::size_t>(num_steps) + 1, table([&](const Vector3i& cell) {
                     std::vector<std::int16_t> steps(static_cast<std::size_t>(size.z()), 0);
-                    if (guidance != nullptr)
-                      guidance->steps(corner, cell.x(), cell.y(), 1, size.z(), steps.size(), steps.data());
+                    if (static_heuristic != nullptr)
+                      static_heuristic->steps(corner, cell.x(), cell.y(), 1, size.z(), steps.size(), steps.data());
                     const int around = steps[static_cast<std::size_t>(cell.z())];
                     return num_steps * kTicks + std::min(kLongest, std::max(straight[index(cell)], kTicks * around));
                   }));
@@ -60,7 +60,7 @@ class PlainCostToGo {
           if ((next.array() >= 0).all() && (next.array() < size.array()).all() && known(step + 1, next))
             least = std::min(least, values[later][index(next)]);
         }
-        return std::min(kFar, least + (open ? 0 : CostToGo::kClosedSteps * kTicks));
+        return std::min(kFar, least + (open ? 0 : SpaceTimeHeuristic::kClosedSteps * kTicks));
       });
     }
   }
@@ -84,9 +84,9 @@ class PlainCostToGo {
   std::vector<int> straight;
 };
 
-TEST(CostToGoTest, EqualsAPlainDynamicProgramme) {
+TEST(SpaceTimeHeuristicTest, EqualsAPlainDynamicProgramme) {
   Rng rng(5);
-  CostToGo cost_to_go;
+  SpaceTimeHeuristic heuristic;
   int compared = 0, detours = 0, closed = 0, after_start = 0, unreached = 0, dead_ends = 0;
   for (int trial = 0; trial < 24; ++trial) {
     // Whole cells and rests; one word of voxels and several; steps shorter and longer than a frame.
@@ -101,33 +101,34 @@ TEST(CostToGoTest, EqualsAPlainDynamicProgramme) {
     if (trial % 2 == 0) mark_box(&standing, {0, -9, -9}, {0.3, uniform(rng, 0, 1), 99});
     const Vector3d goal = trial % 5 == 0 ? in_box(rng, -4 * half, 4 * half) : in_box(rng, -half, half);
     const double low_z = uniform(rng, -0.9, -0.5), high_z = uniform(rng, 0.4, 9);
-    Reach reach{in_box(rng, -half, half), kStart + uniform_int(rng, 0, 300'000), speed_mps, 2.0};
+    ReachableSet reach{in_box(rng, -half, half), kStart + uniform_int(rng, 0, 300'000), speed_mps, 2.0};
     if (trial % 3 != 0) {
       reach.acceleration_mps2 = uniform(rng, 1.0, 5.0) * speed_mps;
       reach.velocity = in_cube(rng, speed_mps);
     }
-    Guidance guidance;
-    const Guidance* guided = guidance.build({&standing}, kBlocked_m, goal, low_z, high_z) ? &guidance : nullptr;
-    cost_to_go.build({&occupied}, kBlocked_m, guided, reach, goal, {-99, -99, low_z}, {99, 99, high_z});
+    StaticHeuristic static_heuristic;
+    const StaticHeuristic* guided = (static_heuristic.build({&standing}, kBlocked_m, goal, low_z, high_z),
+                                     static_heuristic.empty() ? nullptr : &static_heuristic);
+    heuristic.build({&occupied}, kBlocked_m, guided, reach, goal, {-99, -99, low_z}, {99, 99, high_z});
     const Vector3d corner = occupied.geometry.origin.cast<double>() * 0.1;
     const double cell_m = 0.1 * kCellVoxels, step_s = cell_m / speed_mps;
     const auto known = [&](int step, const Vector3i& cell) {
       const Vector3d inside = corner + cell_m * (cell.cast<double>().array() + 0.5).matrix();
-      return cost_to_go.cell_of(step, 0, inside.x()) >= 0 && cost_to_go.cell_of(step, 1, inside.y()) >= 0;
+      return heuristic.cell_of(step, 0, inside.x()) >= 0 && heuristic.cell_of(step, 1, inside.y()) >= 0;
     };
-    EXPECT_GE(cost_to_go.num_steps() * step_s, 0.8 - 0.1 * step_s);
-    const PlainCostToGo plain(occupied, guided, speed_mps, goal, low_z, high_z, cost_to_go.num_steps(), known);
-    const int first = cost_to_go.step_at(reach.utime);
-    for (int step = first; step <= cost_to_go.num_steps(); ++step) {
+    EXPECT_GE(heuristic.num_steps() * step_s, 0.8 - 0.1 * step_s);
+    const PlainSpaceTimeHeuristic plain(occupied, guided, speed_mps, goal, low_z, high_z, heuristic.num_steps(), known);
+    const int first = heuristic.step_at(reach.utime);
+    for (int step = first; step <= heuristic.num_steps(); ++step) {
       const auto at = kStart + std::llround(1e6 * step * step_s);
-      EXPECT_EQ(cost_to_go.step_at(at), step);
+      EXPECT_EQ(heuristic.step_at(at), step);
       (void)plain.table([&](const Vector3i& cell) {
         const Vector3d inside =
             corner + cell_m * (cell.cast<double>() + in_box(rng, {0.01, 0.01, 0.01}, {0.99, 0.99, 0.99}));
-        const Vector3i found(cost_to_go.cell_of(step, 0, inside.x()), cost_to_go.cell_of(step, 1, inside.y()),
-                             cost_to_go.cell_of(step, 2, inside.z()));
+        const Vector3i found(heuristic.cell_of(step, 0, inside.x()), heuristic.cell_of(step, 1, inside.y()),
+                             heuristic.cell_of(step, 2, inside.z()));
         const double s = std::max(0.0, 1e-6 * static_cast<double>(at - reach.utime));
-        const Span x = span(reach, 0, s, s), y = span(reach, 1, s, s);
+        const Interval x = extent(reach, 0, s, s), y = extent(reach, 1, s, s);
         const bool reached = occupied.geometry.contains(occupied.geometry.voxel_of(inside)) && inside.x() >= x.low &&
                              inside.x() <= x.high && inside.y() >= y.low && inside.y() <= y.high;
         unreached += !reached;
@@ -139,15 +140,15 @@ TEST(CostToGoTest, EqualsAPlainDynamicProgramme) {
         const int value = plain.values[static_cast<std::size_t>(step)][plain.index(cell)];
         const int delay = std::max(0, value - step * kTicks - plain.straight[plain.index(cell)]);
         if (value >= kFar) {  // all that can follow lies beyond what is known
-          EXPECT_EQ(cost_to_go.delay_s(step, cell.x(), cell.y(), cell.z()), 0.0);
+          EXPECT_EQ(heuristic.delay_s(step, cell.x(), cell.y(), cell.z()), 0.0);
           ++dead_ends;
           return 0;
         }
-        EXPECT_NEAR(cost_to_go.delay_s(step, cell.x(), cell.y(), cell.z()), delay * step_s / kTicks, 1e-9 * step_s)
+        EXPECT_NEAR(heuristic.delay_s(step, cell.x(), cell.y(), cell.z()), delay * step_s / kTicks, 1e-9 * step_s)
             << "trial " << trial << " step " << step << " cell " << cell.transpose();
         ++compared;
         detours += delay > 0 && delay < 16 * kTicks;
-        closed += delay >= CostToGo::kClosedSteps * kTicks;
+        closed += delay >= SpaceTimeHeuristic::kClosedSteps * kTicks;
         after_start += step > first;
         return 0;
       });
@@ -163,18 +164,18 @@ TEST(CostToGoTest, EqualsAPlainDynamicProgramme) {
 }
 
 // A wall with a door that opens after 0.8 s: waiting there is what it costs.
-TEST(CostToGoTest, KnowsHowLongADoorStaysShut) {
+TEST(SpaceTimeHeuristicTest, KnowsHowLongADoorStaysShut) {
   Sogm occupied = empty_map({8, 4, 2}, 0.1, 20, kStart, 100'000);
   mark_box(&occupied, {0.2, -9, -9}, {0.4, 9, 9}, 0, 7);
   mark_box(&occupied, {0.2, -9, -9}, {0.4, -0.5, 9}, 8);
   mark_box(&occupied, {0.2, 0.5, -9}, {0.4, 9, 9}, 8);
-  CostToGo cost_to_go;
-  cost_to_go.build({&occupied}, kBlocked_m, nullptr, {{-0.5, 0, 0}, kStart, 2.0, 2.0}, {6, 0, 0}, {-99, -99, -1},
-                   {99, 99, 1});
+  SpaceTimeHeuristic heuristic;
+  heuristic.build({&occupied}, kBlocked_m, nullptr, {{-0.5, 0, 0}, kStart, 2.0, 2.0}, {6, 0, 0}, {-99, -99, -1},
+                  {99, 99, 1});
   const auto delay_s = [&](double since_s, double x, double y) {
-    const int step = cost_to_go.step_at(kStart + std::llround(1e6 * since_s));
-    return cost_to_go.delay_s(step, cost_to_go.cell_of(step, 0, x), cost_to_go.cell_of(step, 1, y),
-                              cost_to_go.cell_of(step, 2, 0.05));
+    const int step = heuristic.step_at(kStart + std::llround(1e6 * since_s));
+    return heuristic.delay_s(step, heuristic.cell_of(step, 0, x), heuristic.cell_of(step, 1, y),
+                             heuristic.cell_of(step, 2, 0.05));
   };
   // Cells and steps know it to within one of each.
   EXPECT_NEAR(delay_s(0.0, -0.15, 0.1), 0.65, 0.16);  // in front of it: 0.8 s
@@ -182,46 +183,47 @@ TEST(CostToGoTest, KnowsHowLongADoorStaysShut) {
   EXPECT_NEAR(delay_s(0.9, -0.15, 0.1), 0.0, 0.01);   // open
   EXPECT_NEAR(delay_s(0.9, -0.15, -1.1), 0.4, 0.2);   // beside it
   EXPECT_EQ(delay_s(0.9, 1.1, 0.1), 0.0);             // behind it
-  EXPECT_EQ(cost_to_go.delay_s(0, -1, 3, 3), 0.0);
-  EXPECT_EQ(cost_to_go.cell_of(0, 0, 3.9), -1);  // not reached so soon
+  EXPECT_EQ(heuristic.delay_s(0, -1, 3, 3), 0.0);
+  EXPECT_EQ(heuristic.cell_of(0, 0, 3.9), -1);  // not reached so soon
 }
 
 // The rest of the window beyond the last whole cell belongs to that cell.
-TEST(CostToGoTest, KnowsTheWholeWindow) {
+TEST(SpaceTimeHeuristicTest, KnowsTheWholeWindow) {
   const Sogm occupied = empty_map({2.2, 2.3, 2.1}, 0.1, 8, kStart, 100'000);
-  CostToGo cost_to_go;
-  cost_to_go.build({&occupied}, kBlocked_m, nullptr, {{0, 0, 0}, kStart, 2.0, 2.0}, {0, 0, 0}, {-99, -99, -9},
-                   {99, 99, 9});
-  const int last = cost_to_go.num_steps();
+  SpaceTimeHeuristic heuristic;
+  heuristic.build({&occupied}, kBlocked_m, nullptr, {{0, 0, 0}, kStart, 2.0, 2.0}, {0, 0, 0}, {-99, -99, -9},
+                  {99, 99, 9});
+  const int last = heuristic.num_steps();
   for (int axis = 0; axis < 3; ++axis) {
     const GridGeometry& grid = occupied.geometry;
     const double low = 0.1 * grid.origin[axis], high = low + 0.1 * grid.size[axis];
-    EXPECT_EQ(cost_to_go.cell_of(last, axis, low + 0.01), 0);
-    EXPECT_EQ(cost_to_go.cell_of(last, axis, high - 0.01), cells_in(grid)[axis] - 1);
-    EXPECT_EQ(cost_to_go.cell_of(last, axis, low - 0.01), -1);
-    EXPECT_EQ(cost_to_go.cell_of(last, axis, high + 0.01), -1);
+    EXPECT_EQ(heuristic.cell_of(last, axis, low + 0.01), 0);
+    EXPECT_EQ(heuristic.cell_of(last, axis, high - 0.01), cells_in(grid)[axis] - 1);
+    EXPECT_EQ(heuristic.cell_of(last, axis, low - 0.01), -1);
+    EXPECT_EQ(heuristic.cell_of(last, axis, high + 0.01), -1);
   }
 }
 
 // Ways too long to be told apart: no cell is nearer to the goal than another, so that only time passes.
-TEST(CostToGoTest, FarGoalsAreFarEverywhere) {
+TEST(SpaceTimeHeuristicTest, FarGoalsAreFarEverywhere) {
   const Sogm occupied = empty_map({5, 5, 2}, 0.1, 8, kStart, 100'000);
   Sogm standing = empty_map({5, 5, 2}, 0.1, 1, kStart, 100'000);
   mark_box(&standing, {0, -9, -9}, {0.3, 1, 9});
   for (const double far_m : {400.0, 3e4}) {
     const Vector3d goal(far_m, 1.0, 0.0);
-    Guidance guidance;
-    ASSERT_TRUE(guidance.build({&standing}, kBlocked_m, goal, -1, 1));
+    StaticHeuristic static_heuristic;
+    static_heuristic.build({&standing}, kBlocked_m, goal, -1, 1);
     std::vector<std::int16_t> steps(6);
-    guidance.steps({-2.5, -2.5, -1.0}, 1, 8, 1, 6, 6, steps.data());  // one behind the rim, reached a step later
+    static_heuristic.steps({-2.5, -2.5, -1.0}, 1, 8, 1, 6, 6,
+                           steps.data());  // one behind the rim, reached a step later
     EXPECT_EQ(steps[2], 900);
-    CostToGo cost_to_go;
-    cost_to_go.build({&occupied}, kBlocked_m, &guidance, {{0, 0, 0}, kStart, 2.0, 2.0}, goal, {-99, -99, -1},
-                     {99, 99, 1});
-    for (int step = 0; step <= cost_to_go.num_steps(); ++step) {
-      const int x = cost_to_go.cell_of(step, 0, -0.01), y = cost_to_go.cell_of(step, 1, -0.01);
+    SpaceTimeHeuristic heuristic;
+    heuristic.build({&occupied}, kBlocked_m, &static_heuristic, {{0, 0, 0}, kStart, 2.0, 2.0}, goal, {-99, -99, -1},
+                    {99, 99, 1});
+    for (int step = 0; step <= heuristic.num_steps(); ++step) {
+      const int x = heuristic.cell_of(step, 0, -0.01), y = heuristic.cell_of(step, 1, -0.01);
       ASSERT_GE(std::min(x, y), 0);
-      EXPECT_NEAR(cost_to_go.delay_s(step, x, y, 2), 0.15 * (cost_to_go.num_steps() - step), 1e-9)
+      EXPECT_NEAR(heuristic.delay_s(step, x, y, 2), 0.15 * (heuristic.num_steps() - step), 1e-9)
           << "step " << step << ", goal " << far_m << " m away";
     }
   }

@@ -1,4 +1,4 @@
-// Guidance against a plain breadth-first search over the same cells.
+// StaticHeuristic against a plain breadth-first search over the same cells.
 #include "planner_daemon/search/static_heuristic.h"
 
 #include <gtest/gtest.h>
@@ -82,9 +82,9 @@ class PlainGuidance {
   std::vector<int> steps;
 };
 
-TEST(GuidanceTest, EqualsAPlainBreadthFirstSearch) {
+TEST(StaticHeuristicTest, EqualsAPlainBreadthFirstSearch) {
   Rng rng(3);
-  Guidance guidance;
+  StaticHeuristic static_heuristic;
   int closed = 0, detours = 0, cells = 0;
   for (int trial = 0; trial < 40; ++trial) {
     // Even and odd sizes; columns of one, two and three words of cells.
@@ -95,7 +95,7 @@ TEST(GuidanceTest, EqualsAPlainBreadthFirstSearch) {
     if (trial % 2 == 0) mark_box(&standing, {0, -9, -9}, {0.3, uniform(rng, 0, 1), 99}, 0, 0);
     const Vector3d goal = trial % 5 == 0 ? in_box(rng, -4 * half, 4 * half) : in_box(rng, -half, half);
     const double low_z = uniform(rng, -2, -0.5), high_z = uniform(rng, 0.4, 9);
-    ASSERT_TRUE(guidance.build({&standing}, kBlocked_m, goal, low_z, high_z));
+    static_heuristic.build({&standing}, kBlocked_m, goal, low_z, high_z);
     PlainGuidance plain(standing, goal, low_z, high_z);
     const Vector3d corner = standing.geometry.origin.cast<double>() * 0.1;
     plain.for_each([&](const Vector3i& cell) {
@@ -107,7 +107,7 @@ TEST(GuidanceTest, EqualsAPlainBreadthFirstSearch) {
       const Vector3d later = corner + plain.cell_m * moved.cast<double>() + in_cube(rng, 0.45 * plain.cell_m);
       const Vector3i from = cell - moved;
       std::vector<std::int16_t> steps(static_cast<std::size_t>(plain.size.z()), 7);
-      guidance.steps(later, from.x(), from.y(), 1, plain.size.z(), steps.size(), steps.data());
+      static_heuristic.steps(later, from.x(), from.y(), 1, plain.size.z(), steps.size(), steps.data());
       if (from.z() >= 0 && from.z() < plain.size.z()) {
         ASSERT_EQ(std::max(0, int{steps[static_cast<std::size_t>(from.z())]}), std::max(0, plain.at(cell)));
       }
@@ -120,14 +120,14 @@ TEST(GuidanceTest, EqualsAPlainBreadthFirstSearch) {
   EXPECT_GT(detours, cells / 400);
 }
 
-TEST(GuidanceTest, KnowsNothingOutsideItsWindow) {
-  Guidance guidance;
+TEST(StaticHeuristicTest, KnowsNothingOutsideItsWindow) {
+  StaticHeuristic static_heuristic;
   Sogm standing = empty_map({3, 3, 3}, 0.1, 1, 0, 100'000);
   mark_box(&standing, {-0.3, -0.3, -0.3}, {0.3, 0.3, 0.3});
-  ASSERT_TRUE(guidance.build({&standing}, kBlocked_m, Vector3d(1.2, 0, 0), -1.5, 1.5));
+  static_heuristic.build({&standing}, kBlocked_m, Vector3d(1.2, 0, 0), -1.5, 1.5);
   const auto steps = [&](const Vector3d& corner, int x, int y) {
     std::vector<std::int16_t> out(34, 7);
-    guidance.steps(corner, x, y - 1, 3, 10, 12, out.data());  // the column between two others
+    static_heuristic.steps(corner, x, y - 1, 3, 10, 12, out.data());  // the column between two others
     EXPECT_EQ(out[10], 7);
     EXPECT_EQ(out[11], 7);
     return std::vector<std::int16_t>(out.begin() + 12, out.begin() + 22);
@@ -144,13 +144,15 @@ TEST(GuidanceTest, KnowsNothingOutsideItsWindow) {
   EXPECT_EQ(higher[8], -1);
 }
 
-TEST(GuidanceTest, SaysNothingWhereNothingStands) {
-  Guidance guidance;
+TEST(StaticHeuristicTest, SaysNothingWhereNothingStands) {
+  StaticHeuristic static_heuristic;
   const Sogm standing = empty_map({2, 2, 2}, 0.1, 1, 0, 100'000);
-  EXPECT_FALSE(guidance.build({&standing}, kBlocked_m, Vector3d::Zero(), -1, 1));
+  static_heuristic.build({&standing}, kBlocked_m, Vector3d::Zero(), -1, 1);
+  EXPECT_TRUE(static_heuristic.empty());
   Sogm small = empty_map({0.1, 2, 2}, 0.1, 1, 0, 100'000);  // less than half a cell
   mark_box(&small, {-1, -1, -1}, {1, 1, 1});
-  EXPECT_FALSE(guidance.build({&small}, kBlocked_m, Vector3d::Zero(), -1, 1));
+  static_heuristic.build({&small}, kBlocked_m, Vector3d::Zero(), -1, 1);
+  EXPECT_TRUE(static_heuristic.empty());
 }
 
 }  // namespace

@@ -1,13 +1,15 @@
-// The zones against their definition, wherever and in whatever order they are looked at.
+// The layers against their definition, wherever and in whatever order they are looked at.
 #include "planner_daemon/space/configuration_space.h"
 
 #include <gtest/gtest.h>
 
 #include <limits>
+#include <optional>
 #include <vector>
 
+#include "planner_daemon/space/first_touch.h"
 #include "tests/support/random_map.h"
-#include "tests/support/random_reach.h"
+#include "tests/support/random_reachable_set.h"
 
 namespace swarm {
 namespace {
@@ -22,7 +24,7 @@ void draw(const Motion& motion, double radius_m, Sogm* sogm) {
   const std::vector<Columns> everywhere(static_cast<std::size_t>(sogm->num_frames), all_columns(sogm->geometry));
   SweptVolumes volumes;
   volumes.lay_out(*sogm);
-  volumes.add(motion, radius_m, std::llround(1e6 * ZoneOptions().clock_error_s), everywhere);
+  volumes.add(motion, radius_m, std::llround(1e6 * ConfigurationSpaceOptions().clock_error_s), everywhere);
   for (int frame = 0; frame < sogm->num_frames; ++frame) {
     std::vector<Layer> layers;
     volumes.append_layers(frame, all_columns(sogm->geometry), &layers);
@@ -50,13 +52,14 @@ Sogm with_peers(const Sogm& sogm, const std::vector<Peer>& peers) {
   return all;
 }
 
-class ZonesTest : public testing::Test {
+class ConfigurationSpaceTest : public testing::Test {
  protected:
-  // What the zones are by definition, in the whole window.
-  void define(const Sogm& sogm, const std::vector<Peer>& peers, const ZoneOptions& options) {
+  // What the layers are by definition, in the whole window.
+  void define(const Sogm& sogm, const std::vector<Peer>& peers, const ConfigurationSpaceOptions& options) {
     const Sogm all = with_peers(sogm, peers);
     Sogm lately = all;
-    const int back = static_cast<int>(std::llround(1e6 * options.wake_s / static_cast<double>(all.frame_duration_us)));
+    const int back =
+        static_cast<int>(std::llround(1e6 * options.recently_occupied_s / static_cast<double>(all.frame_duration_us)));
     for (int frame = 0; frame < all.num_frames; ++frame) {
       for (int before = std::max(0, frame - back); before < frame; ++before) {
         for (int i = 0; i < all.geometry.words_per_frame(); ++i)
@@ -65,27 +68,33 @@ class ZonesTest : public testing::Test {
     }
     dilate(all, options.radius_m + options.clearance_m, &blocked);
     for (const Peer& peer : peers) {
-      if (peer.silent) draw(peer.motion, peer.radius_m + 0.5 * sogm.geometry.resolution_m + options.berth_m, &lately);
+      if (peer.silent)
+        draw(peer.motion, peer.radius_m + 0.5 * sogm.geometry.resolution_m + options.silent_peer_margin_m, &lately);
     }
-    dilate(lately, options.radius_m + options.clearance_m, &wake);
-    dilate(wake, options.comfort_m, &near);
-    dilate(all, options.radius_m + options.tight_m, &tight);
-    dilate(all, options.radius_m - options.contact_m, &contact);
+    dilate(lately, options.radius_m + options.clearance_m, &recently_occupied);
+    dilate(recently_occupied, options.inflation_m, &inflation);
+    dilate(all, options.radius_m + options.emergency_clearance_m, &emergency);
+    dilate(all, options.radius_m - options.collision_depth_m, &collision);
   }
   static std::uint64_t different(const Sogm& a, const Sogm& b, int frame, int x, int y) {
     std::uint64_t bits = 0;
     for (int w = 0; w < a.geometry.words_per_column(); ++w) bits |= a.column(frame, x, y)[w] ^ b.column(frame, x, y)[w];
     return bits;
   }
-  Sogm blocked, wake, near, tight, contact;
+  // Of a voxel in blocked space.
+  Severity severity(int frame, const Vector3i& voxel) const {
+    if (collision.occupied(frame, voxel)) return Severity::kCollision;
+    return emergency.occupied(frame, voxel) ? Severity::kEmergency : Severity::kBlocked;
+  }
+  Sogm blocked, recently_occupied, inflation, emergency, collision;
 };
 
-TEST_F(ZonesTest, EqualTheirDefinitionWherePrepared) {
+TEST_F(ConfigurationSpaceTest, EqualTheirDefinitionWhereLookedAt) {
   Rng rng(1);
-  ZoneOptions options;
-  options.berth_m = 0.3;
-  Zones zones(options);  // one for all: what is left of earlier maps must not show
-  int compared = 0, emergencies = 0, set = 0;
+  ConfigurationSpaceOptions options;
+  options.silent_peer_margin_m = 0.3;
+  ConfigurationSpace space(options);  // one for all: what is left of earlier maps must not show
+  int compared = 0, severities = 0, set = 0;
   for (int trial = 0; trial < 40; ++trial) {
     const Vector3d size_m = trial / 10 == 1 ? Vector3d(3, 3.5, 7) : Vector3d(5, 4.3, 2);
     const Sogm sogm = random_map(rng, trial % 7, size_m, 8, kStart, 100'000);
@@ -99,13 +108,11 @@ TEST_F(ZonesTest, EqualTheirDefinitionWherePrepared) {
       }
     }
     // Far enough to come everywhere: then peers count in the whole window.
-    const Reach reach{{0, 0, 0}, kStart, 20.0, 2.0};
-    zones.compose(sogm, peers, reach);
+    const ReachableSet reach{{0, 0, 0}, kStart, 20.0, 2.0};
+    space.compose(sogm, peers, reach);
     define(sogm, peers, options);
-    const bool emergency = trial % 4 == 0;
     SCOPED_TRACE(testing::Message() << "trial " << trial);
     for (int look = 0; look < 30; ++look) {
-      if (emergency && look == 10) zones.enter_emergency();
       const int frame = uniform_int(rng, 0, 7), last = std::min(7, frame + uniform_int(rng, 0, 2));
       Columns columns;
       for (int axis = 0; axis < 2; ++axis) {
@@ -113,21 +120,27 @@ TEST_F(ZonesTest, EqualTheirDefinitionWherePrepared) {
         columns.last[axis] = columns.first[axis] + uniform_int(rng, 0, 15);
       }
       const bool all = look % 3 != 0;
-      all ? zones.prepare(frame, last, columns) : zones.prepare_blocked(frame, last, columns);
+      const Sogm& found = all ? space.layers(frame, last, columns).blocked : space.blocked(frame, last, columns);
+      const ConfigurationSpace::Layers layers = space.layers(0, -1, {});
       for (int f = frame; f <= last; ++f) {
         for_each_column(sogm.geometry, [&](int x, int y) {
           if (!holds(columns, x, y)) return;
           ++compared;
           set += blocked.column(f, x, y)[0] != 0;
-          EXPECT_EQ(different(zones.blocked(), blocked, f, x, y), 0u) << "blocked " << f << ": " << x << ' ' << y;
+          EXPECT_EQ(different(found, blocked, f, x, y), 0u) << "blocked " << f << ": " << x << ' ' << y;
           if (all) {
-            EXPECT_EQ(different(zones.wake(), wake, f, x, y), 0u) << "wake " << f << ": " << x << ' ' << y;
-            EXPECT_EQ(different(zones.near(), near, f, x, y), 0u) << "near " << f << ": " << x << ' ' << y;
+            EXPECT_EQ(different(layers.recently_occupied, recently_occupied, f, x, y), 0u)
+                << "recently occupied " << f << ": " << x << ' ' << y;
+            EXPECT_EQ(different(layers.inflation, inflation, f, x, y), 0u)
+                << "inflation " << f << ": " << x << ' ' << y;
           }
-          if (emergency && look >= 10) {
-            ++emergencies;
-            EXPECT_EQ(different(zones.tight(), tight, f, x, y), 0u) << "tight " << f << ": " << x << ' ' << y;
-            EXPECT_EQ(different(zones.contact(), contact, f, x, y), 0u) << "contact " << f << ": " << x << ' ' << y;
+          if ((x + y + f) % 7 != 0) return;
+          for (int z = 0; z < sogm.geometry.size.z(); ++z) {
+            if (!blocked.occupied(f, {x, y, z})) continue;
+            ++severities;
+            const auto word = static_cast<std::size_t>(found.column(f, x, y) + (z >> 6) - found.words.data());
+            EXPECT_EQ(space.severity(word, std::uint64_t{1} << (z & 63)), severity(f, {x, y, z}))
+                << f << ": " << x << ' ' << y << ' ' << z;
           }
         });
         ASSERT_FALSE(HasFailure());
@@ -136,36 +149,45 @@ TEST_F(ZonesTest, EqualTheirDefinitionWherePrepared) {
     for (int look = 0; look < 50; ++look) {
       const Vector3d position = in_box(rng, -0.6 * size_m, 0.6 * size_m);
       const std::int64_t utime = kStart + uniform_int(rng, -200'000, 1'200'000);
-      EXPECT_EQ(zones.blocked_at(position, utime),
-                blocked.occupied(blocked.frame_at(utime), blocked.geometry.voxel_of(position)));
+      const int frame = blocked.frame_at(utime);
+      const Vector3i voxel = blocked.geometry.voxel_of(position);
+      const bool is_blocked = blocked.occupied(frame, voxel);
+      EXPECT_EQ(space.blocked_at(position, frame), is_blocked);
+      EXPECT_EQ(space.recently_occupied_at(position, frame), recently_occupied.occupied(frame, voxel));
+      const std::optional<Severity> found = space.severity_at(position, frame);
+      EXPECT_EQ(found.has_value(), is_blocked);
+      if (found) {
+        EXPECT_EQ(*found, severity(frame, voxel));
+      }
     }
   }
   EXPECT_GT(compared, 50'000);
-  EXPECT_GT(emergencies, 5'000);
+  EXPECT_GT(severities, 20'000);
   EXPECT_GT(set, compared / 20);
 }
 
 // A peer may be left out only where the robot does not come in time.
-TEST_F(ZonesTest, PeersCountWhereTheRobotComes) {
+TEST_F(ConfigurationSpaceTest, PeersCountWhereTheRobotComes) {
   Rng rng(2);
-  Zones zones({});
+  ConfigurationSpace space({});
   int near_peers = 0;
   for (int trial = 0; trial < 40; ++trial) {
     const Sogm sogm = empty_map({6, 6, 2}, 0.1, 10, kStart, 100'000);
     std::vector<Peer> peers(1);
     peers[0].motion = random_motion(rng, kStart - 500'000, 2.0);
-    const Reach reach = random_reach(rng, sogm);
-    zones.compose(sogm, peers, reach);
+    const ReachableSet reach = random_reachable_set(rng, sogm);
+    space.compose(sogm, peers, reach);
     define(sogm, peers, {});
     for (int frame = 0; frame < 10; ++frame) {
-      const Columns columns = reached(sogm, frame, reach);
+      const Columns columns = reachable_columns(sogm, frame, reach);
       if (columns.empty()) continue;
-      zones.prepare(frame, frame, columns);
+      const ConfigurationSpace::Layers layers = space.layers(frame, frame, columns);
       for_each_column(sogm.geometry, [&](int x, int y) {
         if (!holds(columns, x, y)) return;
-        EXPECT_EQ(different(zones.blocked(), blocked, frame, x, y), 0u) << "frame " << frame << ": " << x << ' ' << y;
-        EXPECT_EQ(different(zones.near(), near, frame, x, y), 0u) << "frame " << frame << ": " << x << ' ' << y;
-        near_peers += near.column(frame, x, y)[0] != 0;
+        EXPECT_EQ(different(layers.blocked, blocked, frame, x, y), 0u) << "frame " << frame << ": " << x << ' ' << y;
+        EXPECT_EQ(different(layers.inflation, inflation, frame, x, y), 0u)
+            << "frame " << frame << ": " << x << ' ' << y;
+        near_peers += inflation.column(frame, x, y)[0] != 0;
       });
       ASSERT_FALSE(HasFailure());
     }
@@ -173,8 +195,8 @@ TEST_F(ZonesTest, PeersCountWhereTheRobotComes) {
   EXPECT_GT(near_peers, 1000);
 }
 
-TEST_F(ZonesTest, StandingIsWhatIsOccupiedInAllFramesAndPeersThatHover) {
-  Zones zones({});
+TEST_F(ConfigurationSpaceTest, StandingIsWhatIsOccupiedInAllFramesAndPeersThatHover) {
+  ConfigurationSpace space({});
   Sogm sogm = empty_map({4, 4, 2}, 0.1, 6, kStart, 100'000);
   mark_box(&sogm, {1, 1, -9}, {1.3, 1.3, 9});
   mark_box(&sogm, {-1, 1, -9}, {-0.7, 1.3, 9}, 0, 4);
@@ -184,8 +206,8 @@ TEST_F(ZonesTest, StandingIsWhatIsOccupiedInAllFramesAndPeersThatHover) {
   peers[0].motion.committed = Trajectory::hover(1, kStart - 1'000'000, {1, -1, 0});
   Rng rng(3);
   peers[1].motion.committed = random_trajectory(rng, 1, kStart - 100'000, MotionState{}, 1.0);  // still under way
-  zones.compose(sogm, peers, {{0, 0, 0}, kStart, 2.0, 2.0});
-  const Occupancy standing = zones.compose_standing(peers);
+  space.compose(sogm, peers, {{0, 0, 0}, kStart, 2.0, 2.0});
+  const Occupancy standing = space.compose_standing(peers);
   Sogm occupied = *standing.sogm;
   std::vector<Layer> layers;
   standing.append_layers(0, all_columns(sogm.geometry), &layers);
@@ -199,14 +221,14 @@ TEST_F(ZonesTest, StandingIsWhatIsOccupiedInAllFramesAndPeersThatHover) {
 }
 
 // At a reported time the motion is blocked; and it was not blocked for 10 ms in a row before.
-TEST(ZonesOfAPoint, FirstBlockedAgreesWithBruteForce) {
+TEST(ConfigurationSpaceOfAPoint, FirstBlockedAgreesWithBruteForce) {
   Rng rng(3);
   int blocked = 0, by_the_tail = 0;
   Sogm sogm;
-  Zones zones({.radius_m = 0.0, .clearance_m = 0.0});
+  ConfigurationSpace space({.radius_m = 0.0, .clearance_m = 0.0});
   for (int trial = 0; trial < 200; ++trial) {
     if (trial % 5 == 0) sogm = random_map(rng, uniform_int(rng, 1, 25), {4, 4, 3}, 10, kStart, 200'000);
-    zones.compose(sogm, {}, {});
+    space.compose(sogm, {}, {});
     const Motion motion = random_motion(rng, kStart - uniform_int(rng, 0, 500'000), 1.8);
     const std::int64_t from = kStart + uniform_int(rng, -100'000, 2'500'000);
     const auto is_blocked = [&](std::int64_t t) {
@@ -219,7 +241,7 @@ TEST(ZonesOfAPoint, FirstBlockedAgreesWithBruteForce) {
       count = is_blocked(t) ? count + 1 : 0;
       if (count > 20) in_a_row = t;
     }
-    const std::int64_t reported = zones.first_blocked(motion, from);
+    const std::int64_t reported = space.first_blocked(motion, from);
     SCOPED_TRACE(testing::Message() << "trial " << trial << ", from " << from - kStart << ", reported "
                                     << reported - kStart << "\n"
                                     << motion);

@@ -7,7 +7,7 @@
 #include <cmath>
 
 #include "tests/support/random_map.h"
-#include "tests/support/random_reach.h"
+#include "tests/support/random_reachable_set.h"
 
 namespace swarm {
 namespace {
@@ -15,7 +15,7 @@ namespace {
 // Bang-bang along each axis from the reach's start on; switches sign at random, or never for the outermost motions.
 class Flight {
  public:
-  Flight(const Reach& reach, const Eigen::Vector2d& push, double switch_rate_hz, Rng& rng)
+  Flight(const ReachableSet& reach, const Eigen::Vector2d& push, double switch_rate_hz, Rng& rng)
       : reach_(reach),
         push_(push),
         rate_hz_(switch_rate_hz),
@@ -37,7 +37,7 @@ class Flight {
   }
 
  private:
-  const Reach& reach_;
+  const ReachableSet& reach_;
   Eigen::Vector2d push_;
   double rate_hz_;
   Rng& rng_;
@@ -51,7 +51,7 @@ TEST(ReachTest, HoldsEveryMotionWithinTheLimitsAndLittleMore) {
   for (int trial = 0; trial < 200; ++trial) {
     Sogm sogm;
     sogm.reset({.resolution_m = 0.1, .origin = {-60, -60, 0}, .size = {120, 120, 1}}, 6, 1'000'000, 100'000);
-    Reach reach = random_reach(rng, sogm);
+    ReachableSet reach = random_reachable_set(rng, sogm);
     reach.center = in_cube(rng, 1.0);
     const double linger_s = trial % 2 == 0 ? 0.0 : uniform(rng, 0.0, 0.3);
     SCOPED_TRACE(testing::Message() << "trial " << trial << ": " << reach.speed_mps << " m/s, "
@@ -66,7 +66,7 @@ TEST(ReachTest, HoldsEveryMotionWithinTheLimitsAndLittleMore) {
           const double since_s = t + 1e-6 * static_cast<double>(reach.utime - sogm.start_utime) - 0.1 * frame;
           const bool last = frame + 1 == sogm.num_frames;
           if (since_s < 0.0 || (!last && since_s > 0.1 + linger_s)) continue;
-          const Columns columns = reached(sogm, frame, reach, linger_s);
+          const Columns columns = reachable_columns(sogm, frame, reach, linger_s);
           ASSERT_TRUE(holds(columns, voxel.x(), voxel.y())) << "frame " << frame << " at " << voxel.transpose();
           Columns& seen = met[static_cast<std::size_t>(frame)];
           seen = seen.empty() ? Columns{voxel, voxel} : Columns{seen.first.cwiseMin(voxel), seen.last.cwiseMax(voxel)};
@@ -74,7 +74,7 @@ TEST(ReachTest, HoldsEveryMotionWithinTheLimitsAndLittleMore) {
       }
     }
     for (int frame = 0; frame < sogm.num_frames; ++frame) {
-      const Columns columns = reached(sogm, frame, reach, linger_s);
+      const Columns columns = reachable_columns(sogm, frame, reach, linger_s);
       const Columns& seen = met[static_cast<std::size_t>(frame)];
       if (seen.empty()) continue;
       for (int axis = 0; axis < 2; ++axis) {
@@ -91,14 +91,14 @@ TEST(ReachTest, HoldsEveryMotionWithinTheLimitsAndLittleMore) {
 TEST(ReachTest, IsEmptyBeforeAndOutsideTheWindow) {
   Sogm sogm;
   sogm.reset({.resolution_m = 0.1, .origin = {0, 0, 0}, .size = {20, 20, 1}}, 3, 1'000'000, 100'000);
-  Reach reach{{1, 1, 0}, 1'150'000, 1.0, 1.0};
-  EXPECT_TRUE(reached(sogm, 0, reach).empty());
-  EXPECT_FALSE(reached(sogm, 0, reach, 0.06).empty());
-  EXPECT_FALSE(reached(sogm, 1, reach).empty());
+  ReachableSet reach{{1, 1, 0}, 1'150'000, 1.0, 1.0};
+  EXPECT_TRUE(reachable_columns(sogm, 0, reach).empty());
+  EXPECT_FALSE(reachable_columns(sogm, 0, reach, 0.06).empty());
+  EXPECT_FALSE(reachable_columns(sogm, 1, reach).empty());
   reach.utime = 9'000'000;
-  EXPECT_FALSE(reached(sogm, 2, reach).empty());  // in force for ever
+  EXPECT_FALSE(reachable_columns(sogm, 2, reach).empty());  // in force for ever
   reach.center.x() = 4.0;
-  EXPECT_TRUE(reached(sogm, 2, reach).empty());
+  EXPECT_TRUE(reachable_columns(sogm, 2, reach).empty());
 }
 
 }  // namespace

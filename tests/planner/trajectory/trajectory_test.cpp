@@ -1,4 +1,4 @@
-#include "planner_daemon/trajectory/trajectory.h"
+#include "planner_daemon/trajectory/motion.h"
 
 #include <gtest/gtest.h>
 

@@ -1,10 +1,12 @@
 // The primitives of the search: time-optimal bounds, where they lead, and that they keep the speed limit.
+#include "planner_daemon/search/primitives.h"
+
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 
-#include "planner_daemon/search/kinodynamic_search.h"
 #include "tests/support/search_scene.h"
 
 namespace swarm {
@@ -13,12 +15,12 @@ namespace {
 using Eigen::Vector3d;
 
 // All motions that accelerate to a peak speed, keep it and brake: the fastest to rest at d.
-double brute_force_time(double d, double v, double v_max, double a_max) {
+double brute_force_time(double d, double v, double v_max_mps, double a_max_mps2) {
   double least = INFINITY;
   constexpr int kPeaks = 20'000;
   for (int i = -kPeaks; i <= kPeaks; ++i) {
-    const double peak = v_max * i / kPeaks;
-    const double ramp = (peak - v) / (peak >= v ? a_max : -a_max), brake = std::abs(peak) / a_max;
+    const double peak = v_max_mps * i / kPeaks;
+    const double ramp = (peak - v) / (peak >= v ? a_max_mps2 : -a_max_mps2), brake = std::abs(peak) / a_max_mps2;
     const double remaining = d - ramp * (v + peak) / 2 - brake * peak / 2;
     if (i == 0 ? std::abs(remaining) < 1e-9 : remaining / peak >= 0.0) {
       least = std::min(least, ramp + brake + (i == 0 ? 0.0 : remaining / peak));
@@ -30,21 +32,22 @@ double brute_force_time(double d, double v, double v_max, double a_max) {
 TEST(MinTimeToRestTest, EqualsTheBestOfAllBangBangMotions) {
   Rng rng(1);
   for (int trial = 0; trial < 300; ++trial) {
-    const double v_max = uniform(rng, 0.5, 4.0), a_max = uniform(rng, 1.0, 10.0);
-    const double d = uniform(rng, -1, 1) * std::pow(10.0, uniform(rng, -2, 1)), v = uniform(rng, -v_max, v_max);
-    const double time = min_time_to_rest(d, v, v_max, a_max), brute = brute_force_time(d, v, v_max, a_max);
-    const auto input = [&] { return testing::Message() << d << ' ' << v << ' ' << v_max << ' ' << a_max; };
+    const double v_max_mps = uniform(rng, 0.5, 4.0), a_max_mps2 = uniform(rng, 1.0, 10.0);
+    const double d = uniform(rng, -1, 1) * std::pow(10.0, uniform(rng, -2, 1)), v = uniform(rng, -v_max_mps, v_max_mps);
+    const double time = min_time_to_rest(d, v, v_max_mps, a_max_mps2),
+                 brute = brute_force_time(d, v, v_max_mps, a_max_mps2);
+    const auto input = [&] { return testing::Message() << d << ' ' << v << ' ' << v_max_mps << ' ' << a_max_mps2; };
     ASSERT_LE(time, brute + 1e-9) << input();
     ASSERT_GE(time, brute - 0.01)
-        << input();  // the grid of peaks; its error is below its step times 1 / a_max and more near 0
-    ASSERT_NEAR(min_time_to_rest(-d, -v, v_max, a_max), time, 1e-12) << input();
+        << input();  // the grid of peaks; its error is below its step times 1 / a_max_mps2 and more near 0
+    ASSERT_NEAR(min_time_to_rest(-d, -v, v_max_mps, a_max_mps2), time, 1e-12) << input();
   }
 }
 
 TEST(MinTimeToRestTest, KnownCases) {
   EXPECT_EQ(min_time_to_rest(0, 0, 2, 6), 0.0);
   EXPECT_NEAR(min_time_to_rest(8, 0, 2, 4), 4.5, 1e-12);                   // ramps of 0.5 s and 0.5 m, 3.5 s of cruise
-  EXPECT_NEAR(min_time_to_rest(1, 0, 2, 4), 1.0, 1e-12);                   // just reaches v_max
+  EXPECT_NEAR(min_time_to_rest(1, 0, 2, 4), 1.0, 1e-12);                   // just reaches v_max_mps
   EXPECT_NEAR(min_time_to_rest(0.5, 2, 2, 4), 0.5, 1e-12);                 // brakes all the way
   EXPECT_NEAR(min_time_to_rest(0, 2, 2, 4), 0.5 + std::sqrt(0.5), 1e-12);  // overshoots by 0.5 m and comes back
 }
@@ -53,24 +56,25 @@ TEST(MinTimeToRestTest, KnownCases) {
 TEST(MinTimeToRestTest, TriangleProperty) {
   Rng rng(2);
   for (int trial = 0; trial < 20'000; ++trial) {
-    const double v_max = 2.0, a_max = 6.0, dt = uniform(rng, 0.001, 0.5);
-    const double d = uniform(rng, -3, 3), v = uniform(rng, -v_max, v_max);
-    const double a = std::clamp(uniform(rng, -a_max, a_max), (-v_max - v) / dt, (v_max - v) / dt);
-    const double after = min_time_to_rest(d - v * dt - a * dt * dt / 2, v + a * dt, v_max, a_max);
-    ASSERT_LE(min_time_to_rest(d, v, v_max, a_max), dt + after + 1e-9) << d << ' ' << v << ' ' << a << ' ' << dt;
+    const double v_max_mps = 2.0, a_max_mps2 = 6.0, dt = uniform(rng, 0.001, 0.5);
+    const double d = uniform(rng, -3, 3), v = uniform(rng, -v_max_mps, v_max_mps);
+    const double a = std::clamp(uniform(rng, -a_max_mps2, a_max_mps2), (-v_max_mps - v) / dt, (v_max_mps - v) / dt);
+    const double after = min_time_to_rest(d - v * dt - a * dt * dt / 2, v + a * dt, v_max_mps, a_max_mps2);
+    ASSERT_LE(min_time_to_rest(d, v, v_max_mps, a_max_mps2), dt + after + 1e-9)
+        << d << ' ' << v << ' ' << a << ' ' << dt;
   }
 }
 
-TEST(SearchPrimitivesTest, PropagateIntegratesThePrimitive) {
+TEST(PrimitivesTest, PropagateIntegratesThePrimitive) {
   Rng rng(3);
   for (int trial = 0; trial < 50; ++trial) {
     SearchOptions options;
     options.piece_us = uniform_int(rng, 150'000, 400'000);
     const double tau = 1e-6 * options.piece_us;
-    const KinodynamicSearch search(SearchLimits{}, options);
+    const Primitives primitives(SearchLimits{}, options);
     const MotionState from = random_state(rng, 5, 2, 6);
     const Vector3d a1 = in_cube(rng, 6);
-    const MotionState to = search.propagate(from, a1);
+    const MotionState to = primitives.propagate(from, a1);
     Vector3d p = from.position, v = from.velocity;
     constexpr int kSteps = 2000;
     for (int i = 0; i < kSteps; ++i) {  // a(s) = a0 + (a1 - a0)(2 s - s^2), midpoint rule
@@ -89,8 +93,40 @@ TEST(SearchPrimitivesTest, PropagateIntegratesThePrimitive) {
   }
 }
 
+// However fast the robot: nothing that is a voxel wide lies between two samples.
+TEST(PrimitivesTest, SamplesLieAtMostAVoxelApart) {
+  Rng rng(5);
+  for (const double v_max_mps : {0.5, 2.0, 5.0, 10.0, 15.0}) {
+    SearchLimits limits;
+    limits.v_max_mps = v_max_mps;
+    limits.a_max_mps2 = 20.0;
+    Primitives primitives(limits, SearchOptions{});
+    for (const double resolution_m : {0.1, 0.2, 0.3}) {
+      primitives.lay_out(empty_map({0.3, 0.3, 64 * resolution_m}, resolution_m, 1, kStart, 100'000).geometry);
+      ASSERT_EQ(primitives.num_samples() % kBlockSamples, 0);
+      ASSERT_LE(primitives.num_samples(), kMaxSamples);
+      for (int trial = 0; trial < 200; ++trial) {
+        const MotionState from = viable_state(rng, limits, primitives.tau_s(), Vector3d::Zero());
+        AxisOptions options;
+        primitives.axis_options(2, from, true, &options);
+        for (int i = 0; i < options.count; ++i) {
+          const AxisSamples& samples = options.option[static_cast<std::size_t>(i)].samples;
+          int before = 32;  // the voxel of the start
+          for (int k = 0; k < primitives.num_samples(); ++k) {
+            const std::uint64_t bit = samples.in_window[static_cast<std::size_t>(k)];
+            if (bit == 0) break;  // it has left the window
+            const int voxel = std::countr_zero(bit);
+            ASSERT_LE(std::abs(voxel - before), 1) << v_max_mps << " m/s, " << resolution_m << " m, sample " << k;
+            before = voxel;
+          }
+        }
+      }
+    }
+  }
+}
+
 // In the middle of a piece the acceleration may be too large for the speed: it is taken back at once.
-TEST(SearchPrimitivesTest, AStartThatStillRisesHardlyPassesTheSpeedLimit) {
+TEST(PrimitivesTest, AStartThatStillRisesHardlyPassesTheSpeedLimit) {
   Rng rng(8);
   const Scene scene(empty_map({9, 9, 2}, 0.1, 20, kStart, 100'000));
   const SearchLimits limits;
@@ -108,7 +144,7 @@ TEST(SearchPrimitivesTest, AStartThatStillRisesHardlyPassesTheSpeedLimit) {
       at += 0.2 / 2000 * (a - (a + 5.88) * (2 * s - s * s));
       least_peak = std::max(least_peak, at);
     }
-    if (v + 0.2 / 3 * a <= limits.v_max) continue;
+    if (v + 0.2 / 3 * a <= limits.v_max_mps) continue;
     ++rising;
     start.velocity[axis] = sign * v;
     start.acceleration[axis] = sign * a;
@@ -116,7 +152,7 @@ TEST(SearchPrimitivesTest, AStartThatStillRisesHardlyPassesTheSpeedLimit) {
     double fastest = 0.0;
     for (double t = 0.0; t < 0.2 * path.num_pieces; t += 0.001)
       fastest = std::max(fastest, std::abs(state_at(path, 0.2, t).velocity[axis]));
-    EXPECT_LE(fastest, std::max(1.0025 * limits.v_max, least_peak) + 0.002) << v << ' ' << a;
+    EXPECT_LE(fastest, std::max(1.0025 * limits.v_max_mps, least_peak) + 0.002) << v << ' ' << a;
   }
   EXPECT_GT(rising, 100);
 }

@@ -1,0 +1,87 @@
+// How a path of the search ends when it does not reach the goal: it brakes to rest and hovers there.
+#pragma once
+
+#include <cstdint>
+
+#include "planner_daemon/search/search_context.h"
+#include "planner_daemon/search/search_tree.h"
+
+namespace swarm {
+
+// Brakes to rest from a node, evenly, and hovers to the end of horizon and map: visit(sample) of each sample on the
+// way, until it returns false. The knots behind the node's go to `path` in any case.
+struct BrakeSample {
+  std::int64_t utime;
+  double duration_s;
+  std::size_t word;           // of the maps' layers
+  std::uint64_t blocked_bit;  // in it; 0: free
+  bool strays;                // leaves the flight space
+};
+template <class Visit>
+void brake(const SearchContext& context, const SearchNode& node, SearchPath* path, const Visit& visit) {
+  const Primitives& primitives = context.primitives;
+  const double tau_s = primitives.tau_s();
+  const int brake_pieces = primitives.brake_pieces();
+  const Eigen::Vector3d drift = node.state.velocity + tau_s / 3 * node.state.acceleration;
+  const Eigen::Vector3d a1 = -drift / (tau_s * (brake_pieces - 1));
+  ConfigurationSpace& space = *context.problem.space;
+  const Sogm& map = space.grid();
+  bool goes_on = true;
+  MotionState state = node.state.motion();
+  for (int k = 0; k < brake_pieces; ++k) {
+    const bool last = k == brake_pieces - 1;
+    const Eigen::Vector3d a = last ? Eigen::Vector3d::Zero().eval() : a1;
+    if (goes_on) {
+      const auto samples = [&](int axis) {
+        return primitives.axis_samples(axis, state.position[axis], state.velocity[axis], state.acceleration[axis],
+                                       a[axis]);
+      };
+      const AxisSamples x = samples(0), y = samples(1), z = samples(2);
+      const auto& first_words = context.first_words[static_cast<std::size_t>(node.depth + k)];
+      const Sogm& blocked = space.blocked(context.first_frame(node.depth + k), context.last_frame(node.depth + k),
+                                          {{x.low, y.low}, {x.high, y.high}});
+      for (int i = 0; i < primitives.num_samples() && goes_on; ++i) {
+        const auto at = static_cast<std::size_t>(i);
+        const auto word = static_cast<std::size_t>(first_words[at] + x.offset[at] + y.offset[at] + z.offset[at]);
+        goes_on = visit(BrakeSample{context.utime_of_sample(node.depth + k, i), tau_s / primitives.num_samples(), word,
+                                    blocked.words[word] & x.in_window[at] & y.in_window[at] & z.in_window[at],
+                                    ((x.strays | y.strays | z.strays) >> i & 1u) != 0});
+      }
+    }
+    state = primitives.propagate(state, a);
+    if (last) state.velocity.setZero(), state.acceleration.setZero();
+    path->knots[static_cast<std::size_t>(node.depth + k + 1)] = state;
+  }
+  path->num_pieces = node.depth + brake_pieces;
+  const GridGeometry& grid = map.geometry;
+  const Eigen::Vector3i voxel = grid.voxel_of(state.position);
+  if (!goes_on || !grid.contains(voxel)) return;
+  // At rest, one look per frame is enough.
+  std::int64_t utime = context.utime_at(path->num_pieces);
+  const int column = (voxel.x() * grid.size.y() + voxel.y()) * grid.words_per_column() + (voxel.z() >> 6);
+  int frame = map.frame_at(utime);
+  const Sogm& blocked = space.blocked(frame, map.num_frames - 1, {voxel.head<2>(), voxel.head<2>()});
+  for (; goes_on && utime < context.hover_until_utime; ++frame) {
+    const bool stays = frame == map.num_frames - 1;
+    const std::int64_t end = map.start_utime + (frame + 1) * map.frame_duration_us;
+    const std::int64_t next = stays ? context.hover_until_utime : std::min(context.hover_until_utime, end);
+    const auto word = static_cast<std::size_t>(frame * context.words_per_frame + column);
+    goes_on = visit(BrakeSample{utime, 1e-6 * static_cast<double>(next - utime), word,
+                                blocked.words[word] & std::uint64_t{1} << (voxel.z() & 63), false});
+    utime = next;
+  }
+}
+
+// When braking from a node first meets what is blocked, or leaves the flight space; kNeverBlocked: it comes to rest.
+inline std::int64_t brake_until_blocked(const SearchContext& context, const SearchNode& node, SearchPath* path) {
+  std::int64_t first_blocked = kNeverBlocked;
+  brake(context, node, path, [&](const BrakeSample& sample) {
+    const double ahead_s = 1e-6 * static_cast<double>(sample.utime - context.problem.start_utime);
+    const bool leaves = context.start_blocked && ahead_s <= context.options.leave_s;
+    if ((sample.blocked_bit != 0 && !leaves) || sample.strays) first_blocked = sample.utime;
+    return first_blocked == kNeverBlocked;
+  });
+  return first_blocked;
+}
+
+}  // namespace swarm

@@ -1,0 +1,83 @@
+#include "planner_daemon/search/escape.h"
+
+#include <algorithm>
+#include <limits>
+
+#include "planner_daemon/search/braking.h"
+
+namespace swarm {
+namespace {
+
+constexpr int kLeadOn = 5;  // manoeuvres of the first phase that a second one follows
+constexpr std::int64_t kViolationStep_us = 10'000;
+constexpr double kStrayCost = 1e6;  // of leaving the flight space: worse than any collision
+
+}  // namespace
+
+EscapeSearch::EscapeSearch(const SearchLimits& limits, const SearchOptions& options)
+    : context_(limits, options, BlockedSpace::kCosts), tree_(context_) {
+  manoeuvres_.reserve(static_cast<std::size_t>(options.max_expansions));
+}
+
+void EscapeSearch::hold(std::int32_t index) {
+  while (index >= 0 && tree_[index].depth < context_.primitives.max_depth()) index = tree_.add_child_alike(index);
+}
+
+double EscapeSearch::brake_violation(const SearchNode& node, SearchPath* path) const {
+  double violation = 0.0;
+  brake(context_, node, path, [&](const BrakeSample& sample) {
+    if (sample.blocked_bit != 0) {
+      const double ahead_s = 1e-6 * static_cast<double>(sample.utime - context_.problem.start_utime);
+      violation += sample.duration_s *
+                   context_.blocked_cost(ahead_s, context_.problem.space->severity(sample.word, sample.blocked_bit));
+    }
+    if (sample.strays) violation += kStrayCost;
+    return !sample.strays;
+  });
+  return violation;
+}
+
+// All manoeuvres of one phase; from the best of them, all of another.
+void EscapeSearch::find(const SearchProblem& problem, SearchResult* result) {
+  context_.set(problem);
+  context_.problem.fine = false;
+  result->expansions = 0;
+  result->free_until_utime = kNeverBlocked;
+  result->settled = false;
+  result->left_blocked = context_.start_blocked;
+  tree_.plant();
+  OpenEntry best{std::numeric_limits<double>::infinity(), 0};
+  manoeuvres_.assign(1, {0.0, 0});
+  for (int phase = 0; phase < 2; ++phase) {
+    const std::size_t first = phase == 0 ? 0 : tree_.size();
+    const std::size_t width = phase == 0 ? 1 : kLeadOn;
+    std::sort(manoeuvres_.begin(), manoeuvres_.end());
+    for (std::size_t i = 0; i < std::min(width, manoeuvres_.size()); ++i) {
+      if (tree_[manoeuvres_[i].node].depth == context_.primitives.max_depth()) continue;
+      tree_.for_each_child(manoeuvres_[i].node, [this](std::int32_t child) { hold(child); });
+    }
+    manoeuvres_.clear();
+    for (std::size_t i = first; i < tree_.size() && result->expansions < context_.options.max_expansions; ++i) {
+      const auto index = static_cast<std::int32_t>(i);
+      const double violation = brake_violation(tree_[index], result);
+      ++result->expansions;
+      manoeuvres_.push_back({tree_.total(index) + violation, index});
+      best = std::min(best, manoeuvres_.back());
+    }
+  }
+  (void)brake_violation(tree_[best.node], result);
+  tree_.trace_back(best.node, result);
+}
+
+double EscapeSearch::violation_cost(const Motion& motion) const {
+  double cost = 0.0;
+  const Sogm& map = context_.problem.space->grid();
+  for (std::int64_t t = context_.problem.start_utime; t < context_.hover_until_utime; t += kViolationStep_us) {
+    const auto severity = context_.problem.space->severity_at(motion.at(t).position, map.frame_at(t));
+    if (severity)
+      cost += context_.blocked_cost(1e-6 * static_cast<double>(t - context_.problem.start_utime), *severity);
+  }
+  return cost * 1e-6 * kViolationStep_us;
+}
+
+}  // namespace swarm

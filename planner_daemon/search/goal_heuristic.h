@@ -1,0 +1,63 @@
+// The heuristic of the search (paper section IV-A): time-optimal motion of each axis to rest at the goal (Pontryagin),
+// and the delay that detours and waits among what moves add.
+#pragma once
+
+#include <algorithm>
+
+#include "planner_daemon/search/primitives.h"
+#include "planner_daemon/search/search_types.h"
+
+namespace swarm {
+
+class GoalHeuristic {
+ public:
+  // One axis' part of it.
+  struct AxisTerm {
+    double time_s;  // to rest at the goal
+    int cell;       // of the space-time heuristic; -1: none
+  };
+
+  void set(const SearchProblem& problem, double v_max_mps, double a_max_mps2) {
+    goal_ = problem.goal;
+    delays_ = problem.heuristic;
+    v_max_mps_ = v_max_mps;
+    a_max_mps2_ = a_max_mps2;
+  }
+
+  // Step of the space-time heuristic at a time; 0 where there is none.
+  int step_at(std::int64_t utime) const { return delays_ != nullptr ? delays_->step_at(utime) : 0; }
+  AxisTerm axis_term(int step, int axis, double position, double velocity) const {
+    return {axis_time(axis, position, velocity), delays_ != nullptr ? delays_->cell_of(step, axis, position) : -1};
+  }
+  double time_to_goal(int step, const AxisTerm& x, const AxisTerm& y, const AxisTerm& z) const {
+    return straight(x.time_s, y.time_s, z.time_s) +
+           (delays_ != nullptr ? delays_->delay_s(step, x.cell, y.cell, z.cell) : 0.0);
+  }
+  // As if nothing were in the way.
+  double straight_time_to_goal(const Eigen::Vector3d& position, const Eigen::Vector3d& velocity) const {
+    return straight(axis_time(0, position.x(), velocity.x()), axis_time(1, position.y(), velocity.y()),
+                    axis_time(2, position.z(), velocity.z()));
+  }
+  // Of a robot at rest after the last step.
+  double time_to_goal_at_rest(const Eigen::Vector3d& position) const {
+    const int end = delays_ != nullptr ? delays_->num_steps() : 0;
+    return time_to_goal(end, axis_term(end, 0, position.x(), 0.0), axis_term(end, 1, position.y(), 0.0),
+                        axis_term(end, 2, position.z(), 0.0));
+  }
+
+ private:
+  double axis_time(int axis, double position, double velocity) const {
+    return min_time_to_rest(goal_[axis] - position, velocity, v_max_mps_, a_max_mps2_);
+  }
+  // The slowest axis decides, the others break ties.
+  static double straight(double x_s, double y_s, double z_s) {
+    const double longest = std::max({x_s, y_s, z_s});
+    return longest + 0.05 * (x_s + y_s + z_s - longest);
+  }
+
+  Eigen::Vector3d goal_ = Eigen::Vector3d::Zero();
+  const SpaceTimeHeuristic* delays_ = nullptr;
+  double v_max_mps_ = 1.0, a_max_mps2_ = 1.0;
+};
+
+}  // namespace swarm

@@ -1,0 +1,78 @@
+#include "planner_daemon/search/goal_shot.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace swarm {
+namespace {
+
+// Bernstein polynomials of degree 4 and 3 at a quarter, a half and three quarters.
+const Eigen::Matrix<double, 5, 3> kFourth =
+    (Eigen::Matrix<double, 5, 3>() << 81, 16, 1, 108, 64, 12, 54, 96, 54, 12, 64, 108, 1, 16, 81).finished() / 256;
+const Eigen::Matrix<double, 4, 3> kThird =
+    (Eigen::Matrix<double, 4, 3>() << 27, 8, 1, 27, 24, 9, 9, 24, 27, 1, 8, 27).finished() / 64;
+
+// Passes the limits at one of these, and so do the bounds of the piece around it: finds out at once most of the
+// quintics that are too short.
+bool hurries(const ControlPoints& whole, double h_s, const SearchLimits& limits) {
+  const Eigen::Matrix<double, 3, 5> steps = whole.rightCols<5>() - whole.leftCols<5>();
+  const double v = 5 / h_s * (steps * kFourth).cwiseAbs().maxCoeff();
+  const double a = 20 / (h_s * h_s) * ((steps.rightCols<4>() - steps.leftCols<4>()) * kThird).cwiseAbs().maxCoeff();
+  return v > limits.v_max_mps * (1 + 1e-6) || a > limits.a_max_mps2 * (1 + 1e-6);
+}
+
+}  // namespace
+
+std::int64_t GoalShot::goal_open_from() const {
+  const SearchProblem& problem = context_.problem;
+  const Sogm& map = problem.space->grid();
+  int frame = map.frame_at(context_.utime_at(context_.options.num_pieces));
+  if (problem.space->recently_occupied_at(problem.goal, frame)) return kNeverBlocked;
+  while (frame > 0 && !problem.space->recently_occupied_at(problem.goal, frame - 1)) --frame;
+  return frame == 0 ? problem.start_utime : map.start_utime + frame * map.frame_duration_us;
+}
+
+bool GoalShot::shoot(const SearchNode& node, SearchPath* path) {
+  const SearchLimits& limits = context_.limits;
+  const Sogm& map = context_.problem.space->grid();
+  const double tau_s = context_.primitives.tau_s();
+  const MotionState start = node.state.motion();
+  MotionState goal;
+  goal.position = context_.problem.goal;
+  const int room = context_.options.num_pieces - node.depth;
+  const int first = std::max(1, static_cast<int>(std::ceil(node.time_to_goal_s / tau_s - 1e-9)));
+  for (int pieces = first; pieces <= std::min(room, first + 3); ++pieces) {
+    if (!goal_open_utime_) goal_open_utime_ = goal_open_from();
+    if (context_.utime_at(node.depth + pieces) < *goal_open_utime_) continue;
+    const double duration_s = pieces * tau_s;
+    const ControlPoints whole = quintic_control_points(start, goal, duration_s);
+    if (hurries(whole, duration_s, limits)) continue;
+    bool ok = true;
+    for (int k = 1; k <= pieces && ok; ++k) {
+      const auto at = static_cast<std::size_t>(node.depth + k);
+      MotionState& knot = path->knots[at];
+      knot = k == pieces ? goal : evaluate_bezier(whole, duration_s, static_cast<double>(k) / pieces);
+      const MotionState& before = k == 1 ? start : path->knots[at - 1];
+      const ControlPoints points = quintic_control_points(before, knot, tau_s);
+      ok = max_speed_bound(points, tau_s) <= limits.v_max_mps + 1e-9 &&
+           max_acceleration_bound(points, tau_s) <= limits.a_max_mps2 + 1e-9;
+    }
+    if (!ok) continue;
+    // Free on the way, and at the goal until the horizon.
+    const int num_samples = context_.primitives.num_samples();
+    for (int i = 1; i <= room * num_samples && ok; ++i) {
+      const double s = std::min(1.0, static_cast<double>(i) / (pieces * num_samples));
+      const Eigen::Vector3d position = bezier_position(whole, s);
+      const std::int64_t utime = context_.utime_of_sample(node.depth, i - 1);
+      ok = !context_.problem.space->recently_occupied_at(position, map.frame_at(utime)) &&
+           (position.array() >= limits.space_min.array() - 1e-6).all() &&
+           (position.array() <= limits.space_max.array() + 1e-6).all();
+    }
+    if (!ok) continue;
+    path->num_pieces = node.depth + pieces;
+    return true;
+  }
+  return false;
+}
+
+}  // namespace swarm

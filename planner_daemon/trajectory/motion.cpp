@@ -1,0 +1,29 @@
+#include "planner_daemon/trajectory/motion.h"
+
+#include <algorithm>
+
+namespace swarm {
+
+std::int64_t Motion::next_knot_after(std::int64_t utime) const {
+  if (!next.empty() && utime >= next.start_utime()) return next.next_knot_after(utime);
+  const std::int64_t knot = committed.next_knot_after(utime);
+  return next.empty() ? knot : std::min(knot, next.start_utime());
+}
+
+void read_announcement(const sogm_swarm::announcement_t& message, Motion* motion, Trajectory* announced) {
+  using sogm_swarm::announcement_t;
+  const Trajectory pending = Trajectory::from_wire(message.pending);
+  const bool binding = message.pending_state == announcement_t::kCommitted;
+  *motion = {Trajectory::from_wire(message.committed), binding ? pending : Trajectory()};
+  *announced = message.pending_state == announcement_t::kAnnounced ? pending : Trajectory();
+}
+
+ControlPoints control_points_between(const Motion& motion, std::int64_t from_utime, std::int64_t to_utime) {
+  // Both ends must come from the trajectory in force during the interval: its right end may be the start of the next.
+  const bool on_next = !motion.next.empty() && from_utime >= motion.next.start_utime();
+  const Trajectory& trajectory = on_next ? motion.next : motion.committed;
+  return quintic_control_points(trajectory.state_at(from_utime), trajectory.state_at(to_utime),
+                                1e-6 * static_cast<double>(to_utime - from_utime));
+}
+
+}  // namespace swarm

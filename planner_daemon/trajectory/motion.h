@@ -1,0 +1,34 @@
+// What a robot is bound to fly, as its announcement says it.
+#pragma once
+
+#include <cstdint>
+
+#include "planner_daemon/trajectory/trajectory.h"
+#include "sogm_swarm/announcement_t.hpp"
+
+namespace swarm {
+
+// What a robot is bound to: it flies `committed`, and from the start of `next` on (when there is one) flies that.
+struct Motion {
+  Trajectory committed;
+  Trajectory next;  // empty, or starts on `committed`
+
+  MotionState at(std::int64_t utime) const {
+    return !next.empty() && utime >= next.start_utime() ? next.at(utime) : committed.at(utime);
+  }
+  // First time later than `utime` at which the polynomial changes, or INT64_MAX.
+  std::int64_t next_knot_after(std::int64_t utime) const;
+  // Of the trajectory it ends with.
+  std::int32_t seq() const { return next.empty() ? committed.seq() : next.seq(); }
+  // The robot hovers from here on.
+  std::int64_t end_utime() const { return next.empty() ? committed.end_utime() : next.end_utime(); }
+};
+
+// What an announcement says its robot is bound to, and what it would like to be. From a message that passed decode();
+// `announced` is empty when nothing waits for acknowledgements.
+void read_announcement(const sogm_swarm::announcement_t& message, Motion* motion, Trajectory* announced);
+
+// Control points of the motion during [from, to], which must hold no knot inside.
+ControlPoints control_points_between(const Motion& motion, std::int64_t from_utime, std::int64_t to_utime);
+
+}  // namespace swarm

@@ -1,0 +1,79 @@
+// What an escape costs, and that it finds the way out.
+#include "planner_daemon/search/escape.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "tests/support/search_scene.h"
+
+namespace swarm {
+namespace {
+
+using Eigen::Vector3d;
+
+TEST(EscapeSearchTest, ViolationCostsTheMoreTheSoonerAndTheDeeper) {
+  const SearchOptions options;
+  Sogm occupied = empty_map({6, 6, 3}, 0.1, 10, kStart, 200'000);
+  const Vector3d place(0.05, 0.05, 0.05);  // a voxel's centre
+  mark_moving(&occupied, place, Vector3d::Zero(), 0.01);
+  const Scene scene(occupied);
+  EscapeSearch search(SearchLimits(), options);
+  SearchProblem problem = scene.problem(at_rest({2, 2, 1}), kStart, {2, 2, 1});
+  SearchResult result;
+  search.find(problem, &result);
+  const auto hovering = [](const Vector3d& at) { return Motion{Trajectory::hover(1, kStart, at), {}}; };
+  // The weight falls from 1 to 0.05 within the first 0.95 s: mean (1 + 0.05) / 2; then 0.05 until 2 s.
+  const double all = options.leave_weight * (0.95 * 0.525 + 1.05 * 0.05);
+  EXPECT_NEAR(search.violation_cost(hovering(place + Vector3d(0.3, 0, 0))), all, 0.02 * all);
+  EXPECT_NEAR(search.violation_cost(hovering(place + Vector3d(0.2, 0, 0))), 10 * all, 0.2 * all);
+  EXPECT_NEAR(search.violation_cost(hovering(place + Vector3d(0.1, 0, 0))), 100 * all, 2 * all);
+  EXPECT_EQ(search.violation_cost(hovering(place + Vector3d(0.4, 0, 0))), 0.0);
+  // Half as long, but later: far less.
+  Sogm late = empty_map({6, 6, 3}, 0.1, 10, kStart, 200'000);
+  mark_box(&late, place.array() - 0.01, place.array() + 0.01, 5, 9);
+  const Scene later(late);
+  problem = later.problem(at_rest({2, 2, 1}), kStart, {2, 2, 1});
+  search.find(problem, &result);
+  EXPECT_NEAR(search.violation_cost(hovering(place)), 100 * options.leave_weight * 1.0 * 0.05, 3.0);
+}
+
+// A column comes from where the goal lies: to its sides, or away from it, nothing is touched.
+TEST(EscapeSearchTest, TheWayOutViolatesLeast) {
+  const SearchLimits limits;
+  SearchOptions options;
+  options.piece_us = 100'000;
+  options.max_expansions *= 2;
+  EscapeSearch search(limits, options);
+  SpaceTimeHeuristic heuristic;
+  int touched_at_rest = 0;
+  Rng rng(4);
+  for (int trial = 0; trial < 20; ++trial) {
+    Sogm occupied = empty_map({6, 6, 3}, 0.1, 20, kStart, 100'000);
+    const double angle = uniform(rng, 0, 6.28);
+    const Vector3d side(std::cos(angle), std::sin(angle), 0);
+    mark_moving(&occupied, -0.8 * side, 1.0 * side, 0.3, true);
+    const Scene scene(occupied);
+    SearchProblem problem = scene.problem(at_rest({0, 0, 0}), kStart, -3 * side);
+    heuristic.build({&occupied}, kBlocked_m, nullptr, {problem.start.position, kStart, limits.v_max_mps, 1.0},
+                    problem.goal, limits.space_min, limits.space_max);
+    problem.heuristic = &heuristic;
+    SearchResult result;
+    search.find(problem, &result);
+    SCOPED_TRACE(testing::Message() << "trial " << trial << ": " << describe(problem, result, SearchStatus::kSurvives));
+    EXPECT_LE(result.expansions, options.max_expansions);
+    int touches = 0;
+    for (double t = 0.0; t < 1.0; t += 0.005) {
+      const MotionState state = state_at(result, 0.1, t);
+      touches += occupied_at(scene.collision, state.position, kStart + static_cast<std::int64_t>(t * 1e6));
+      touched_at_rest += occupied_at(scene.collision, Vector3d::Zero(), kStart + static_cast<std::int64_t>(t * 1e6));
+      ASSERT_LE(state.velocity.cwiseAbs().maxCoeff(), limits.v_max_mps + 1e-8);
+      ASSERT_LE(state.acceleration.cwiseAbs().maxCoeff(), limits.a_max_mps2 + 1e-8);
+    }
+    EXPECT_EQ(touches, 0);
+  }
+  EXPECT_GT(touched_at_rest, 20 * 50);
+}
+
+}  // namespace
+}  // namespace swarm
