@@ -1,6 +1,7 @@
 // map_daemon: see map_node.h.
 #include <chrono>
 
+#include "lcmtypes/bus/boot.h"
 #include "lcmtypes/bus/realtime_host.h"
 #include "map_daemon/map_node.h"
 
@@ -10,8 +11,7 @@ int main(int argc, char** argv) {
       "map_daemon", "Builds the spatiotemporal occupancy grid map around one robot.", argc, argv,
       swarm::DaemonBuses::kOnboard, [&](swarm::OptionSet& options) { swarm::declare(options, config); },
       [&] {
-        const auto boot = static_cast<std::int32_t>(swarm::wall_utime() / 1'000'000);
-        return std::make_unique<swarm::MapNode>(config, boot, [] {
+        return std::make_unique<swarm::MapNode>(config, swarm::new_boot(), [] {
           return static_cast<std::int64_t>(
               std::chrono::nanoseconds(std::chrono::steady_clock::now().time_since_epoch()).count());
         });

@@ -17,8 +17,6 @@ namespace {
 constexpr std::int64_t kMaxAge_us = 1'000'000;  // of messages
 constexpr std::int64_t kStatusPeriod_us = 1'000'000;
 constexpr std::size_t kMaxVoxelObstacles = 256;
-constexpr int kMaxFrames = 128, kMaxVoxelsPerAxis = 1024;
-constexpr double kMaxVoxels = 1 << 26;  // per frame
 
 std::int64_t to_us(double seconds) {
   return std::llround(seconds * 1e6);
@@ -106,11 +104,11 @@ void verify(const MapConfig& config) {
             "xyz"[axis], "; at most ", kMaxVoxelsPerAxis);
   }
   const double voxels = config.voxels().cast<double>().prod();
-  require(voxels <= kMaxVoxels, "window: ", voxels, " voxels; at most ", kMaxVoxels);
+  require(voxels <= kMaxVoxelsPerFrame, "window: ", voxels, " voxels; at most ", kMaxVoxelsPerFrame);
   const double frames = config.horizon_s / config.frame_s;
-  require(std::abs(frames - std::round(frames)) <= 1e-6 * frames && frames > 0.5 && frames < kMaxFrames + 0.5,
+  require(std::abs(frames - std::round(frames)) <= 1e-6 * frames && frames > 0.5 && frames < kMaxMapFrames + 0.5,
           "horizon: ", config.horizon_s, " s are ", frames, " frames of --frame ", config.frame_s,
-          " s; must be a whole number within [1, ", kMaxFrames, "]");
+          " s; must be a whole number within [1, ", kMaxMapFrames, "]");
   const std::int64_t bytes =
       map_bytes({.resolution_m = config.resolution_m, .size = config.voxels()}, config.num_frames());
   require(bytes <= kMaxMapBytes, "window: ", bytes, " bytes over the horizon; at most ", kMaxMapBytes);
@@ -147,18 +145,16 @@ void MapNode::on_message(std::int64_t now_us, BusId, std::string_view channel, s
   if (refusal != Refusal::kNone) refused_.count(refusal);
 }
 
-Refusal MapNode::admit(const sogm_swarm::header_t& header, std::int64_t now_us, SequenceGate* gate) const {
-  if (header.robot_id != config_.robot_id) return Refusal::kRobot;
-  const Refusal refusal = check_time(header.utime, now_us, kMaxAge_us, to_us(config_.clock_limit_s));
-  return refusal != Refusal::kNone ? refusal : gate->pass(header);
+TimeWindow MapNode::window(std::int64_t now_us) const {
+  return {now_us, kMaxAge_us, to_us(config_.clock_limit_s)};
 }
 
 Refusal MapNode::on_state(std::int64_t now_us, std::span<const std::uint8_t> bytes) {
   sogm_swarm::robot_state_t message;
-  if (const Refusal refusal = decode(bytes, &message); refusal != Refusal::kNone) return refusal;
-  if (const Refusal refusal = admit(message.header, now_us, &state_gate_); refusal != Refusal::kNone) return refusal;
+  const Refusal refusal = receive(bytes, FromRobot{config_.robot_id}, window(now_us), state_gate_, &message);
+  if (refusal != Refusal::kNone) return refusal;
   // The first map waits for obstacles as long as the least rate allows: an empty one would invite flying.
-  if (!has_state_) last_build_us_ = now_us - to_us(1.0 / config_.max_rate_hz);
+  if (!has_state_) build_.done(now_us - to_us(1.0 / config_.max_rate_hz));
   has_state_ = true;
   position_ = to_vector(message.position);
   velocity_ = to_vector(message.velocity);
@@ -168,8 +164,8 @@ Refusal MapNode::on_state(std::int64_t now_us, std::span<const std::uint8_t> byt
 
 Refusal MapNode::on_obstacles(std::int64_t now_us, std::span<const std::uint8_t> bytes) {
   sogm_swarm::obstacles_t message;
-  if (const Refusal refusal = decode(bytes, &message); refusal != Refusal::kNone) return refusal;
-  if (const Refusal refusal = admit(message.header, now_us, &obstacle_gate_); refusal != Refusal::kNone) return refusal;
+  const Refusal refusal = receive(bytes, FromRobot{config_.robot_id}, window(now_us), obstacle_gate_, &message);
+  if (refusal != Refusal::kNone) return refusal;
   obstacles_.clear();
   for (const obstacle_t& obstacle : message.obstacles)
     obstacles_.push_back(to_obstacle(obstacle, message.header.utime));
@@ -180,9 +176,12 @@ Refusal MapNode::on_obstacles(std::int64_t now_us, std::span<const std::uint8_t>
 
 Refusal MapNode::on_voxels(std::int64_t now_us, std::span<const std::uint8_t> bytes) {
   sogm_swarm::obstacle_voxels_t message;
-  if (const Refusal refusal = decode(bytes, &message); refusal != Refusal::kNone) return refusal;
-  if (voxel_obstacles_.size() >= kMaxVoxelObstacles && !voxel_obstacles_.contains(message.id)) return Refusal::kLength;
-  if (const Refusal refusal = admit(message.header, now_us, &voxel_gate_); refusal != Refusal::kNone) return refusal;
+  const auto from = [this](const sogm_swarm::obstacle_voxels_t& m) {
+    if (voxel_obstacles_.size() >= kMaxVoxelObstacles && !voxel_obstacles_.contains(m.id)) return Refusal::kLength;
+    return FromRobot{config_.robot_id}(m);
+  };
+  if (const Refusal refusal = receive(bytes, from, window(now_us), voxel_gate_, &message); refusal != Refusal::kNone)
+    return refusal;
   voxel_obstacles_.insert_or_assign(message.id, VoxelObstacle{to_obstacle(message), message.header.utime});
   obstacles_are_new_ = true;
   return Refusal::kNone;
@@ -198,14 +197,10 @@ std::int16_t MapNode::state(std::int64_t now_us) const {
 }
 
 std::int64_t MapNode::step(std::int64_t now_us, Outbox& outbox) {
-  // A clock that was set back must not stop maps and statuses.
-  last_build_us_ = std::min(last_build_us_, now_us);
-  next_status_us_ = std::min(next_status_us_, now_us + kStatusPeriod_us);
-
   forget_unreported(now_us);
   const bool running = state(now_us) == map_status_t::kRunning;
-  const auto next_build_us = [this] {
-    return last_build_us_ + to_us(1.0 / (obstacles_are_new_ ? config_.max_rate_hz : config_.min_rate_hz));
+  const auto next_build_us = [this, now_us] {
+    return build_.due_us(now_us, to_us(1.0 / (obstacles_are_new_ ? config_.max_rate_hz : config_.min_rate_hz)));
   };
   if (running && now_us >= next_build_us()) {
     const std::int64_t start_ns = stopwatch_ ? stopwatch_() : 0;
@@ -213,11 +208,12 @@ std::int64_t MapNode::step(std::int64_t now_us, Outbox& outbox) {
     publish_map(outbox);
     if (stopwatch_) build_ms_ = 1e-6 * static_cast<double>(stopwatch_() - start_ns);
   }
-  if (now_us >= next_status_us_) {
+  if (now_us >= status_.due_us(now_us, kStatusPeriod_us)) {
     publish_status(now_us, outbox);
-    next_status_us_ = now_us + kStatusPeriod_us;
+    status_.done(now_us);
   }
-  return running ? std::min(next_build_us(), next_status_us_) : next_status_us_;
+  const std::int64_t next_status_us = status_.due_us(now_us, kStatusPeriod_us);
+  return running ? std::min(next_build_us(), next_status_us) : next_status_us;
 }
 
 // By the time of the report, not of the measurement: what a tracker still reports it believes in, however old.
@@ -238,7 +234,7 @@ void MapNode::build(std::int64_t now_us) {
   for (const Obstacle& obstacle : obstacles_) rasterize(obstacle, config_.margin_m, config_.growth_mps, &sogm_);
   for (const auto& [id, entry] : voxel_obstacles_)
     rasterize(entry.obstacle, config_.margin_m, config_.growth_mps, &sogm_);
-  last_build_us_ = now_us;
+  build_.done(now_us);
   obstacles_are_new_ = false;
 }
 

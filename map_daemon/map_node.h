@@ -13,6 +13,8 @@
 #include "lcmtypes/bus/header_source.h"
 #include "lcmtypes/bus/node.h"
 #include "lcmtypes/bus/option_set.h"
+#include "lcmtypes/bus/receive.h"
+#include "lcmtypes/bus/recurring.h"
 #include "map_daemon/obstacle.h"
 #include "map_daemon/sogm_codec.h"
 #include "map_daemon/static_map.h"
@@ -70,8 +72,8 @@ class MapNode : public Node {
   Refusal on_state(std::int64_t now_us, std::span<const std::uint8_t> bytes);
   Refusal on_obstacles(std::int64_t now_us, std::span<const std::uint8_t> bytes);
   Refusal on_voxels(std::int64_t now_us, std::span<const std::uint8_t> bytes);
-  // Checks every input shares: sender, time, sequence.
-  Refusal admit(const sogm_swarm::header_t& header, std::int64_t now_us, SequenceGate* gate) const;
+  // When inputs must be of to be taken.
+  TimeWindow window(std::int64_t now_us) const;
   // Whether what was said at `utime` still counts; after the clock was set back, it may lie in the future.
   bool fresh(std::int64_t utime, double timeout_s, std::int64_t now_us) const;
   std::int16_t state(std::int64_t now_us) const;  // map_status_t::k...
@@ -96,7 +98,7 @@ class MapNode : public Node {
   std::map<std::int32_t, VoxelObstacle> voxel_obstacles_;  // by id
 
   bool obstacles_are_new_ = false;
-  std::int64_t last_build_us_ = 0, next_status_us_ = 0;
+  Recurring build_, status_;
   Sogm sogm_;
   SogmEncoder encoder_;
   std::int32_t maps_ = 0, maps_at_last_status_ = 0;

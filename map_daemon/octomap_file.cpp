@@ -10,11 +10,14 @@
 #include <stdexcept>
 #include <string_view>
 
+#include "lcmtypes/bus/text.h"
+
 namespace swarm {
 namespace {
 
 constexpr std::string_view kBinaryMagic = "# Octomap OcTree binary file", kFullMagic = "# Octomap OcTree file";
 constexpr int kTreeDepth = 16;
+constexpr double kMinEdge_m = 0.001, kMaxEdge_m = 10.0;  // of a voxel
 
 struct Fault : std::runtime_error {
   using std::runtime_error::runtime_error;
@@ -72,7 +75,11 @@ std::unique_ptr<octomap::OcTree> read_checked(const std::string& path) {
   }
   if (key != "data" || stream.eof()) throw Fault("is cut short");
   if (id != "OcTree") throw Fault("holds a tree of type '" + id + "'; only OcTree is understood");
-  if (!(size >= 0.0) || !(resolution > 0.0 && resolution <= 1000.0)) throw Fault("is damaged: bad size or resolution");
+  if (!(size >= 0.0) || !(resolution > 0.0)) throw Fault("is damaged: bad size or resolution");
+  if (resolution < kMinEdge_m || resolution > kMaxEdge_m) {
+    throw Fault("has voxels of " + text_of(resolution) + " m; they must be within [" + text_of(kMinEdge_m) + ", " +
+                text_of(kMaxEdge_m) + "] m");
+  }
   auto tree = std::make_unique<octomap::OcTree>(resolution);
   if (size == 0.0) return tree;
   check_nodes(std::string_view(content).substr(static_cast<std::size_t>(stream.tellg())), binary);

@@ -8,7 +8,8 @@
 
 namespace swarm {
 
-// Throws std::runtime_error, one line that names the file, when it is missing, cut short, damaged or not an OcTree.
+// Throws std::runtime_error, one line that names the file, when it is missing, cut short, damaged, not an OcTree,
+// or of voxels whose edges are not within [0.001, 10] m.
 std::unique_ptr<octomap::OcTree> read_octomap(const std::string& path);
 
 }  // namespace swarm

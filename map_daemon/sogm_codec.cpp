@@ -48,6 +48,7 @@ namespace {
 // The two highest bits of a token, the others are the number of words before it that have not changed.
 enum class Change : std::uint8_t { kNextGuess, kPreviousGuess, kNewest, kNew };
 constexpr std::size_t kLongGap = 63;  // and more: the rest follows
+constexpr std::size_t kMostPackedBytes = std::size_t{kMaxParts} * kMaxPartBytes;
 constexpr std::size_t kCountBytes = 4, kMaxGapBytes = 5, kWordBytes = 8;
 constexpr std::size_t kMaxTokenBytes = 1 + kMaxGapBytes + 1 + kWordBytes;
 constexpr int kMaxEdges = 8;  // a word with more of them is sent as it is
@@ -169,7 +170,7 @@ bool SogmEncoder::pack(const Sogm& sogm) {
         gap += end - block;
         continue;
       }
-      if (packed_size_ > kMaxParts * kMaxPartBytes) return false;
+      if (packed_size_ > kMostPackedBytes) return false;
       if (packed_.size() < packed_size_ + kBlock * kMaxTokenBytes)
         packed_.resize(2 * packed_.size() + kBlock * kMaxTokenBytes);
       std::uint8_t* out = packed_.data() + packed_size_;
@@ -190,19 +191,20 @@ bool SogmEncoder::pack(const Sogm& sogm) {
   }
   packed_.resize(std::max(packed_.size(), packed_size_));
   for (std::size_t i = 0; i < kCountBytes; ++i) packed_[i] = static_cast<std::uint8_t>(changes >> 8 * i);
-  return packed_size_ <= kMaxParts * kMaxPartBytes;
+  return packed_size_ <= kMostPackedBytes;
 }
 
 std::span<const sogm_t> SogmEncoder::encode(const Sogm& sogm, sogm_swarm::header_t header) {
   if (!pack(sogm)) return {};
-  const std::size_t num_parts = (packed_size_ + kMaxPartBytes - 1) / kMaxPartBytes;
+  constexpr std::size_t most = kMaxPartBytes;
+  const std::size_t num_parts = (packed_size_ + most - 1) / most;
 
   header.utime = sogm.start_utime;
   parts_.resize(num_parts);
   for (std::size_t i = 0; i < num_parts; ++i) {
     sogm_t& part = parts_[i];
-    const auto begin = packed_.begin() + static_cast<std::ptrdiff_t>(i * kMaxPartBytes);
-    const std::size_t part_bytes = std::min(kMaxPartBytes, packed_size_ - i * kMaxPartBytes);
+    const auto begin = packed_.begin() + static_cast<std::ptrdiff_t>(i * most);
+    const std::size_t part_bytes = std::min(most, packed_size_ - i * most);
     part.header = header;
     part.frame_duration_us = static_cast<std::int32_t>(sogm.frame_duration_us);
     part.num_frames = static_cast<std::int16_t>(sogm.num_frames);

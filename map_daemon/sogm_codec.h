@@ -10,16 +10,12 @@
 #include <vector>
 
 #include "lcmtypes/bus/codec.h"
+#include "lcmtypes/bus/limits.h"
 #include "map_daemon/sogm.h"
 
 namespace swarm {
 
 class ChangeMemory;
-
-inline constexpr std::size_t kMaxPartBytes = 60000;
-inline constexpr int kMaxParts = 64;
-inline constexpr std::int64_t kMaxMapBytes = std::int64_t{1}
-                                             << 26;  // decompressed; larger maps are neither sent nor taken
 
 // Decompressed size of a map [bytes].
 std::int64_t map_bytes(const GridGeometry& geometry, int num_frames);

@@ -10,15 +10,14 @@
 namespace swarm {
 namespace {
 
-// Lattice voxels whose centres lie in [low, high].
+// Lattice voxels whose centres lie in [low, high]. Whole numbers, which need not fit an int.
 struct VoxelBox {
-  Eigen::Array3i first, last;
+  Eigen::Array3d first, last;
 };
 VoxelBox voxels_within(const octomap::OcTree::leaf_iterator& leaf, double resolution_m, double margin_m) {
   const Eigen::Array3d center(leaf.getX(), leaf.getY(), leaf.getZ());
   const double half = leaf.getSize() / 2 + margin_m + 1e-9;  // rounding keeps exact contact inside
-  return {((center - half) / resolution_m - 0.5).ceil().cast<int>(),
-          ((center + half) / resolution_m - 0.5).floor().cast<int>()};
+  return {((center - half) / resolution_m - 0.5).ceil(), ((center + half) / resolution_m - 0.5).floor()};
 }
 
 // Word `w` of `column` (`n` words, zeros around) shifted down by `shift` bits, of either sign.
@@ -34,7 +33,7 @@ std::uint64_t shifted_word(const std::uint64_t* column, int n, int w, int shift)
 StaticMap::StaticMap(const std::string& path, double resolution_m, double margin_m) {
   const std::unique_ptr<octomap::OcTree> tree = read_octomap(path);
   std::vector<VoxelBox> boxes;
-  Eigen::Array3i low = Eigen::Array3i::Constant(std::numeric_limits<int>::max()), high = -low;
+  Eigen::Array3d low = Eigen::Array3d::Constant(std::numeric_limits<double>::max()), high = -low;
   for (auto leaf = tree->begin_leafs(); leaf != tree->end_leafs(); ++leaf) {
     if (!tree->isNodeOccupied(*leaf)) continue;
     const VoxelBox box = voxels_within(leaf, resolution_m, margin_m);
@@ -43,21 +42,20 @@ StaticMap::StaticMap(const std::string& path, double resolution_m, double margin
     high = high.max(box.last);
     boxes.push_back(box);
   }
-  GridGeometry geometry{.resolution_m = resolution_m};
-  if (!boxes.empty()) {
-    geometry.origin = low;
-    geometry.size = high - low + 1;
-  }
-  const Eigen::Array3d size = geometry.size.cast<double>();
+  const Eigen::Array3d size = boxes.empty() ? Eigen::Array3d::Zero() : Eigen::Array3d(high - low + 1);
   const double bytes = size.x() * size.y() * 8.0 * std::ceil(size.z() / 64.0);
   if (bytes > static_cast<double>(kMaxBytes)) {
     throw std::runtime_error("'" + path + "' needs " + std::to_string(std::llround(bytes / 1e6)) +
                              " MB at a resolution of " + std::to_string(resolution_m) + " m; at most " +
                              std::to_string(kMaxBytes / 1'000'000) + " MB are allowed");
   }
+  // Now all fits an int: a tree has 2^16 leaves along an axis, and a leaf 2^11 voxels at most.
+  GridGeometry geometry{.resolution_m = resolution_m};
+  geometry.size = size.cast<int>();
+  if (!boxes.empty()) geometry.origin = low.cast<int>();
   grid_.reset(geometry, 1, 0, 1);
   for (const VoxelBox& box : boxes) {
-    const Eigen::Array3i first = box.first - low, last = box.last - low;
+    const Eigen::Array3i first = (box.first - low).cast<int>(), last = (box.last - low).cast<int>();
     for (int x = first.x(); x <= last.x(); ++x) {
       for (int y = first.y(); y <= last.y(); ++y) {
         std::uint64_t* column = grid_.column(0, x, y);

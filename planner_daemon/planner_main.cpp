@@ -1,5 +1,6 @@
 #include <chrono>
 
+#include "lcmtypes/bus/boot.h"
 #include "lcmtypes/bus/realtime_host.h"
 #include "planner_daemon/planner_node.h"
 
@@ -13,8 +14,5 @@ int main(int argc, char** argv) {
       "Plans one robot's trajectory: listens to the spatiotemporal occupancy grid map, the goal and the committed\n"
       "trajectories of this robot and its peers, and sends a candidate trajectory to the broadcast daemon.",
       argc, argv, swarm::DaemonBuses::kOnboard, [&](swarm::OptionSet& options) { declare(options, config); },
-      [&] {
-        const auto boot = static_cast<std::int32_t>(swarm::wall_utime() / 1'000'000);
-        return std::make_unique<swarm::PlannerNode>(config, boot, stopwatch);
-      });
+      [&] { return std::make_unique<swarm::PlannerNode>(config, swarm::new_boot(), stopwatch); });
 }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <stdexcept>
 
@@ -16,7 +17,6 @@ using sogm_swarm::planner_status_t;
 
 constexpr std::int64_t kMaxAge_us = 1'000'000;
 constexpr std::int64_t kStatusPeriod_us = 1'000'000;
-constexpr std::size_t kMaxPeers = 64;
 constexpr std::int64_t kSilent_us = 500'000;     // a peer that was not heard for so long may have to step aside unseen
 constexpr std::int64_t kUrgent_us = 1'000'000;   // before an obstacle comes, a plan must begin to get out of its way
 constexpr std::int64_t kGetAway_us = 600'000;    // and can begin at the latest
@@ -119,13 +119,15 @@ void PlannerNode::on_message(std::int64_t now_us, BusId, std::string_view channe
   if (refusal != Refusal::kNone) refused_.count(refusal);
 }
 
+TimeWindow PlannerNode::window(std::int64_t now_us) const {
+  return {now_us, kMaxAge_us, to_us(config_.clock_limit_s)};
+}
+
 Refusal PlannerNode::on_sogm(std::int64_t now_us, std::span<const std::uint8_t> bytes) {
   sogm_swarm::sogm_t part;
-  if (const Refusal refusal = decode(bytes, &part); refusal != Refusal::kNone) return refusal;
-  if (part.header.robot_id != config_.robot_id) return Refusal::kRobot;
-  if (const Refusal refusal = check_time(part.header.utime, now_us, kMaxAge_us, to_us(config_.clock_limit_s));
-      refusal != Refusal::kNone)
-    return refusal;
+  // Parts of one map have one number: in which order is for the assembler to say.
+  const Refusal refusal = receive(bytes, FromRobot{config_.robot_id}, window(now_us), AnyOrder(), &part);
+  if (refusal != Refusal::kNone) return refusal;
   const Assembly assembly = assembler_.add(part, &map_);
   if (assembly.status == AssemblyStatus::kComplete) {
     if (map_is_new_) ++missed_;
@@ -136,9 +138,8 @@ Refusal PlannerNode::on_sogm(std::int64_t now_us, std::span<const std::uint8_t> 
 
 Refusal PlannerNode::on_own(std::span<const std::uint8_t> bytes) {
   announcement_t message;
-  if (const Refusal refusal = decode(bytes, &message); refusal != Refusal::kNone) return refusal;
-  if (message.header.robot_id != config_.robot_id) return Refusal::kRobot;
-  if (const Refusal refusal = own_gate_.pass(message.header); refusal != Refusal::kNone) return refusal;
+  const Refusal refusal = receive(bytes, FromRobot{config_.robot_id}, TimeWindow(), own_gate_, &message);
+  if (refusal != Refusal::kNone) return refusal;
   const std::int32_t bound_to = own_ ? own_->next.seq() : 0;
   const Trajectory waited = pending_;
   read_announcement(message, &own_.emplace(), &pending_);
@@ -155,16 +156,19 @@ Refusal PlannerNode::on_own(std::span<const std::uint8_t> bytes) {
 
 Refusal PlannerNode::on_peer(std::int64_t now_us, std::span<const std::uint8_t> bytes) {
   announcement_t message;
-  if (const Refusal refusal = decode(bytes, &message); refusal != Refusal::kNone) return refusal;
-  const int id = message.header.robot_id;
-  if (id == config_.robot_id || (!peers_.contains(id) && peers_.size() == kMaxPeers)) return Refusal::kRobot;
-  if (const Refusal refusal = check_time(message.header.utime, now_us, kMaxAge_us, to_us(config_.clock_limit_s));
-      refusal != Refusal::kNone)
-    return refusal;
-  const auto [found, is_new] = peers_.try_emplace(id, SequenceGate(), peer_list_.size());
-  PeerEntry& entry = found->second;
-  if (is_new) peer_list_.emplace_back();
-  if (const Refusal refusal = entry.gate.pass(message.header); refusal != Refusal::kNone) return refusal;
+  const auto from_peer = [this](const announcement_t& m) {
+    const int id = m.header.robot_id;
+    const bool is_one_more = !peers_.contains(id) && std::ssize(peers_) == kMaxRosterRobots;
+    return id == config_.robot_id || is_one_more ? Refusal::kRobot : Refusal::kNone;
+  };
+  const auto in_order = [this](const announcement_t& m) {
+    const auto [found, is_new] = peers_.try_emplace(m.header.robot_id, SequenceGate(), peer_list_.size());
+    if (is_new) peer_list_.emplace_back();
+    return found->second.gate.pass(m.header);
+  };
+  const Refusal refusal = receive(bytes, from_peer, window(now_us), in_order, &message);
+  if (refusal != Refusal::kNone) return refusal;
+  PeerEntry& entry = peers_.at(message.header.robot_id);
   commit_delay_.heard(1e-6 * static_cast<double>(std::max<std::int64_t>(0, now_us - message.header.utime)));
   Peer& peer = peer_list_[entry.place];
   read_announcement(message, &peer.motion, &peer.announced);
@@ -176,34 +180,36 @@ Refusal PlannerNode::on_peer(std::int64_t now_us, std::span<const std::uint8_t> 
 
 Refusal PlannerNode::on_goal(std::span<const std::uint8_t> bytes) {
   sogm_swarm::goal_t message;
-  if (const Refusal refusal = decode(bytes, &message); refusal != Refusal::kNone) return refusal;
-  if (message.header.robot_id != config_.robot_id) return Refusal::kRobot;
-  if (const Refusal refusal = goal_gate_.pass(message.header); refusal != Refusal::kNone) return refusal;
+  const Refusal refusal = receive(bytes, FromRobot{config_.robot_id}, TimeWindow(), goal_gate_, &message);
+  if (refusal != Refusal::kNone) return refusal;
   goal_ = Eigen::Vector3d(message.position);
   return Refusal::kNone;
 }
 
 std::int64_t PlannerNode::step(std::int64_t now_us, Outbox& outbox) {
   const bool has_map = map_.num_frames > 0;
-  const bool stale = has_map && now_us - map_.start_utime > to_us(config_.stale_map_s);
-  std::int64_t wake = std::max(next_status_us_, now_us + 1);
+  // After the clock was set back, the map may be of the future.
+  const bool stale = has_map && check_time(map_.start_utime, now_us, to_us(config_.stale_map_s),
+                                           to_us(config_.clock_limit_s)) != Refusal::kNone;
+  std::int64_t wake = std::max(status_.due_us(now_us, kStatusPeriod_us), now_us + 1);
   if (map_is_new_ && own_ && !stale) {
     // One plan at a time: one that has not begun yet is waited for, whether it is committed or announced.
-    std::int64_t due = last_plan_us_ + to_us(config_.period_s);
+    const std::int64_t period_due = plan_.due_us(now_us, to_us(config_.period_s));
+    std::int64_t due = period_due;
     for (const Trajectory* coming : {&own_->next, &pending_}) {
       if (!coming->empty()) due = std::max(due, coming->start_utime());
     }
     // But not for a patient one while an obstacle comes.
     const bool is_patient = own_->next.empty() && !pending_.empty() && pending_.start_utime() != urgent_start_us_;
     if (now_us < due && is_patient && touch_utime(now_us, pending_.start_utime() + kUrgent_us) != kNever)
-      due = last_plan_us_ + to_us(config_.period_s);
+      due = period_due;
     if (now_us < due) {
       wake = std::min(wake, due);
     } else {
       plan(now_us, outbox);
     }
   }
-  if (now_us >= next_status_us_) {
+  if (now_us >= status_.due_us(now_us, kStatusPeriod_us)) {
     std::int16_t state = planner_status_t::kPlanning;
     if (!has_map)
       state = planner_status_t::kNoMap;
@@ -214,7 +220,7 @@ std::int64_t PlannerNode::step(std::int64_t now_us, Outbox& outbox) {
     else if (!goal_)
       state = planner_status_t::kNoGoal;
     publish_status(now_us, state, outbox);
-    wake = std::min(wake, next_status_us_);
+    wake = std::min(wake, status_.due_us(now_us, kStatusPeriod_us));
   }
   return std::max(wake, now_us + 1);
 }
@@ -253,7 +259,7 @@ std::optional<Eigen::Vector3d> PlannerNode::place_apart(std::int64_t utime) cons
 
 void PlannerNode::plan(std::int64_t now_us, Outbox& outbox) {
   map_is_new_ = false;
-  last_plan_us_ = now_us;
+  plan_.done(now_us);
 
   request_.sogm = &map_;
   request_.own = *own_;
@@ -265,7 +271,10 @@ void PlannerNode::plan(std::int64_t now_us, Outbox& outbox) {
   if (const auto apart = place_apart(request_.start_utime)) request_.goal = *apart;
   // A plan that must do without answers may meet others': it only steps aside.
   if (is_urgent && commit_delay_.is_unanswered()) request_.goal = own_->at(own_->end_utime()).position;
-  for (auto& [id, entry] : peers_) peer_list_[entry.place].silent = now_us - entry.heard_us > kSilent_us;
+  for (auto& [id, entry] : peers_) {
+    entry.heard_us = std::min(entry.heard_us, now_us);
+    peer_list_[entry.place].silent = now_us - entry.heard_us > kSilent_us;
+  }
   request_.peers = &peer_list_;
   newest_ = &planner_.plan(request_);
 
@@ -290,7 +299,7 @@ void PlannerNode::publish_corridors(std::int64_t now_us, Outbox& outbox) {
   message.trajectory_seq = candidate_seq_;
   for (std::size_t piece = 0; piece < newest_->corridors.size(); ++piece) {
     const Polytope& polytope = newest_->corridors[piece];
-    for (int i = 0; i < polytope.num_faces() && message.faces.size() < 2048; ++i) {
+    for (int i = 0; i < polytope.num_faces() && std::ssize(message.faces) < kMaxFaces; ++i) {
       sogm_swarm::face_t face;
       face.piece = static_cast<std::int16_t>(piece);
       for (int axis = 0; axis < 3; ++axis) face.normal[axis] = static_cast<float>(polytope.normals(i, axis));
@@ -304,6 +313,7 @@ void PlannerNode::publish_corridors(std::int64_t now_us, Outbox& outbox) {
 
 void PlannerNode::publish_status(std::int64_t now_us, std::int16_t state, Outbox& outbox) {
   while (!plan_times_.empty() && plan_times_.front() <= now_us - 1'000'000) plan_times_.pop_front();
+  while (!plan_times_.empty() && plan_times_.back() > now_us) plan_times_.pop_back();
   planner_status_t status{};
   status.header = status_headers_.next(now_us);
   status.state = state;
@@ -324,7 +334,7 @@ void PlannerNode::publish_status(std::int64_t now_us, std::int16_t state, Outbox
   }
   refused_.copy_to(status.refused);
   outbox.publish(BusId::kOnboard, channel::kPlannerStatus, status);
-  next_status_us_ = now_us + kStatusPeriod_us;
+  status_.done(now_us);
 }
 
 }  // namespace swarm

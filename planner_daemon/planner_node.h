@@ -10,6 +10,8 @@
 #include "lcmtypes/bus/header_source.h"
 #include "lcmtypes/bus/node.h"
 #include "lcmtypes/bus/option_set.h"
+#include "lcmtypes/bus/receive.h"
+#include "lcmtypes/bus/recurring.h"
 #include "map_daemon/sogm_codec.h"
 #include "planner_daemon/coordination/commit_delay.h"
 #include "planner_daemon/planner.h"
@@ -40,7 +42,7 @@ class PlannerNode : public Node {
                   Outbox& outbox) override;
   std::int64_t step(std::int64_t now_us, Outbox& outbox) override;
 
-  const PlanResult& newest_plan() const { return *newest_; }
+  const PlanResult& newest_plan() const { return newest_ != nullptr ? *newest_ : no_plan_; }
   const PlanRequest& newest_request() const { return request_; }  // what it was made for; only right after the plan
   int plans() const { return plans_; }
   int missed() const { return missed_; }
@@ -51,6 +53,7 @@ class PlannerNode : public Node {
   Refusal on_own(std::span<const std::uint8_t> bytes);
   Refusal on_peer(std::int64_t now_us, std::span<const std::uint8_t> bytes);
   Refusal on_goal(std::span<const std::uint8_t> bytes);
+  TimeWindow window(std::int64_t now_us) const;  // when maps and peers' announcements must be of to be taken
   // When an obstacle comes within the clearance of what the robot is bound to; INT64_MAX: not until then.
   std::int64_t touch_utime(std::int64_t now_us, std::int64_t until_utime) const;
   std::int64_t start_utime(std::int64_t now_us);  // of the next plan
@@ -87,9 +90,9 @@ class PlannerNode : public Node {
   PlanRequest request_;
 
   const PlanResult* newest_ = nullptr;
+  const PlanResult no_plan_{};           // before the first
   std::deque<std::int64_t> plan_times_;  // within the last second
-  std::int64_t last_plan_us_ = 0;
-  std::int64_t next_status_us_ = 0;
+  Recurring plan_, status_;
   std::int32_t plans_ = 0, missed_ = 0, candidate_seq_ = 0;
 };
 

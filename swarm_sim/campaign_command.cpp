@@ -3,6 +3,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <atomic>
 #include <chrono>
 #include <csignal>
 #include <cstdio>
@@ -135,7 +136,8 @@ class Progress {
   std::chrono::steady_clock::time_point began_ = std::chrono::steady_clock::now();
 };
 
-volatile std::sig_atomic_t interrupted = 0;
+std::atomic<bool> interrupted = false;  // set by a signal, read by all workers
+static_assert(std::atomic<bool>::is_always_lock_free);
 
 }  // namespace
 
@@ -155,11 +157,11 @@ int campaign_command(int argc, const char* const* argv) try {
       options.jobs > 0 ? options.jobs : static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
   std::cerr << "campaign: " << trials.size() << " trials, " << done << " of them already in " << options.out << ", "
             << jobs << " at a time\n";
-  std::signal(SIGINT, [](int) { interrupted = 1; });
-  std::signal(SIGTERM, [](int) { interrupted = 1; });
+  std::signal(SIGINT, [](int) { interrupted = true; });
+  std::signal(SIGTERM, [](int) { interrupted = true; });
   Progress progress(done, trials.size());
   const bool whole = fly_campaign(
-      trials, options.flight, jobs, results, [] { return interrupted == 0; },
+      trials, options.flight, jobs, results, [] { return !interrupted; },
       [&](const TrialRow& row) { progress.ended(row); });
   if (!whole) {
     std::cerr << "\nswarm_sim campaign: interrupted; the same command goes on where it was\n";

@@ -1,4 +1,4 @@
-# Sourced by spy, record and replay: which bus is meant. The same URLs as in lcmtypes/bus/realtime_host.h.
+# Sourced by spy, record and replay: which bus is meant. The same URLs as in lcmtypes/bus/bus_url.h.
 # shellcheck shell=bash disable=SC2034
 
 bus_usage="  --onboard ID   the bus inside robot ID where several share this computer (port 7700 + ID); on its own computer: 0

@@ -1,24 +1,42 @@
-// Channel names. See lcmtypes/README.md for types, sizes and rates.
+// Buses and the channels on them, from message_list.h. See lcmtypes/README.md for types, sizes and rates.
 #pragma once
 
-namespace swarm::channel {
+#include <cstdint>
+#include <vector>
 
-// Onboard bus.
-inline constexpr char kRobotState[] = "ROBOT_STATE";
-inline constexpr char kObstacles[] = "OBSTACLES";
-inline constexpr char kObstacleVoxels[] = "OBSTACLE_VOXELS";
-inline constexpr char kGoal[] = "GOAL";
-inline constexpr char kSogm[] = "SOGM";
-inline constexpr char kCandidate[] = "CANDIDATE";
-inline constexpr char kOwnTrajectory[] = "OWN_TRAJECTORY";    // the robot's own announcement
-inline constexpr char kPeerTrajectory[] = "PEER_TRAJECTORY";  // peers' announcements, relayed byte for byte
-inline constexpr char kSetpoint[] = "SETPOINT";
-inline constexpr char kCorridors[] = "CORRIDORS";
-inline constexpr char kMapStatus[] = "MAP_STATUS";
-inline constexpr char kPlannerStatus[] = "PLANNER_STATUS";
-inline constexpr char kBroadcastStatus[] = "BROADCAST_STATUS";
+#include "lcmtypes/bus/message_list.h"
 
-// Swarm bus.
-inline constexpr char kTrajectory[] = "TRAJECTORY";
+namespace swarm {
 
-}  // namespace swarm::channel
+// The onboard bus never leaves the robot; the swarm bus connects the robots.
+enum class BusId : std::uint8_t { kOnboard, kSwarm };
+
+struct Channel {
+  const char* name;
+  BusId bus;
+};
+
+#define SWARM_CHANNELS_OF(type, channels, ...) channels
+
+namespace channel {
+#define SWARM_ON(constant, text, bus) inline constexpr char constant[] = text;
+SWARM_MESSAGES(SWARM_CHANNELS_OF)
+#undef SWARM_ON
+}  // namespace channel
+
+#define SWARM_ON(constant, text, bus) Channel{text, BusId::bus},
+inline constexpr Channel kChannels[] = {SWARM_MESSAGES(SWARM_CHANNELS_OF)};
+#undef SWARM_ON
+
+#undef SWARM_CHANNELS_OF
+
+// Names of all channels of a bus.
+inline std::vector<const char*> channels_of(BusId bus) {
+  std::vector<const char*> names;
+  for (const Channel& channel : kChannels) {
+    if (channel.bus == bus) names.push_back(channel.name);
+  }
+  return names;
+}
+
+}  // namespace swarm

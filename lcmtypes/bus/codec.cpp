@@ -26,30 +26,10 @@ std::uint64_t read_big_endian(std::span<const std::uint8_t> bytes) {
   return value;
 }
 
-// The variable array of a message: its count (the field right before it), its elements, their size and highest number.
-template <class Count, class Elements>
-struct Array {
-  Count count;
-  Elements elements;
-  std::size_t element_bytes, max_count;
-};
-struct NoArray {};
-
 template <class T>
-constexpr auto kArray = NoArray{};
-template <>
-constexpr auto kArray<announcement_t> = Array{&announcement_t::num_acks, &announcement_t::acks, 9, 62};
-template <>
-constexpr auto kArray<corridors_t> = Array{&corridors_t::num_faces, &corridors_t::faces, 18, 2048};
-template <>
-constexpr auto kArray<obstacles_t> = Array{&obstacles_t::num_obstacles, &obstacles_t::obstacles, 94, 4096};
-template <>
-constexpr auto kArray<obstacle_voxels_t> = Array{&obstacle_voxels_t::num_voxels, &obstacle_voxels_t::voxels, 6, 65536};
-template <>
-constexpr auto kArray<sogm_t> = Array{&sogm_t::num_bytes, &sogm_t::data, 1, 60000};
-
+constexpr auto& kArray = MessageTraits<T>::kArray;
 template <class T>
-constexpr bool kHasArray = !std::is_same_v<decltype(kArray<T>), const NoArray>;
+constexpr bool kHasArray = !std::is_same_v<decltype(MessageTraits<T>::kArray), const NoArray>;
 
 // Encoded bytes of a T without array elements.
 template <class T>
@@ -132,22 +112,11 @@ Refusal decode(std::span<const std::uint8_t> bytes, T* message) {
   return validate(*message);
 }
 
-#define SWARM_MESSAGE(T)                                      \
-  template void encode(const T&, std::vector<std::uint8_t>*); \
-  template Refusal decode(std::span<const std::uint8_t>, T*);
-SWARM_MESSAGE(announcement_t)
-SWARM_MESSAGE(broadcast_status_t)
-SWARM_MESSAGE(candidate_t)
-SWARM_MESSAGE(corridors_t)
-SWARM_MESSAGE(goal_t)
-SWARM_MESSAGE(map_status_t)
-SWARM_MESSAGE(obstacle_voxels_t)
-SWARM_MESSAGE(obstacles_t)
-SWARM_MESSAGE(planner_status_t)
-SWARM_MESSAGE(robot_state_t)
-SWARM_MESSAGE(setpoint_t)
-SWARM_MESSAGE(sogm_t)
-#undef SWARM_MESSAGE
+#define SWARM_INSTANTIATE(type, ...)                             \
+  template void encode(const type&, std::vector<std::uint8_t>*); \
+  template Refusal decode(std::span<const std::uint8_t>, type*);
+SWARM_MESSAGES(SWARM_INSTANTIATE)
+#undef SWARM_INSTANTIATE
 
 Refusal check_time(std::int64_t utime, std::int64_t now_us, std::int64_t max_age_us, std::int64_t max_ahead_us) {
   // Any `utime` may come in: the bounds are moved, not `utime`.

@@ -7,18 +7,7 @@
 #include <span>
 #include <vector>
 
-#include "sogm_swarm/announcement_t.hpp"
-#include "sogm_swarm/broadcast_status_t.hpp"
-#include "sogm_swarm/candidate_t.hpp"
-#include "sogm_swarm/corridors_t.hpp"
-#include "sogm_swarm/goal_t.hpp"
-#include "sogm_swarm/map_status_t.hpp"
-#include "sogm_swarm/obstacle_voxels_t.hpp"
-#include "sogm_swarm/obstacles_t.hpp"
-#include "sogm_swarm/planner_status_t.hpp"
-#include "sogm_swarm/robot_state_t.hpp"
-#include "sogm_swarm/setpoint_t.hpp"
-#include "sogm_swarm/sogm_t.hpp"
+#include "lcmtypes/bus/messages.h"
 
 namespace swarm {
 
@@ -53,7 +42,8 @@ class RefusalCounts {
   std::array<std::int32_t, kNumRefusals> counts_{};
 };
 
-// Encodes `message` into `bytes` (resized) and writes its CRC. Instantiated in codec.cpp for every message above.
+// Encodes `message` into `bytes` (resized) and writes its CRC. Instantiated in codec.cpp for every message of
+// message_list.h.
 template <class T>
 void encode(const T& message, std::vector<std::uint8_t>* bytes);
 

@@ -9,7 +9,7 @@ namespace swarm {
 
 class HeaderSource {
  public:
-  // `boot` must grow at every start of the sender: seconds since the epoch at its start.
+  // `boot` must grow at every start of the sender: new_boot() on onboard buses.
   HeaderSource(int robot_id, std::int32_t boot) : robot_id_(robot_id), boot_(boot) {}
 
   sogm_swarm::header_t next(std::int64_t utime) {

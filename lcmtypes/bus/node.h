@@ -8,12 +8,10 @@
 #include <string_view>
 #include <vector>
 
+#include "lcmtypes/bus/channels.h"
 #include "lcmtypes/bus/codec.h"
 
 namespace swarm {
-
-// The onboard bus never leaves the robot; the swarm bus connects the robots.
-enum class BusId : std::uint8_t { kOnboard, kSwarm };
 
 struct Subscription {
   BusId bus;
@@ -53,6 +51,13 @@ class Node {
   // Does what is due at `now_us`. Called after every batch of messages and at the returned time at the latest.
   // Returns the next time it wants to be called [us since epoch], later than `now_us`.
   virtual std::int64_t step(std::int64_t now_us, Outbox& outbox) = 0;
+
+  // The computer's wall clock was stepped: from the next call on, times shall be later by `step_us` (earlier where it
+  // is negative). True: so they will be. False: not now; time goes on as it is, and the node is asked again before
+  // every step. 0: the clock is back where it was, and nothing changes.
+  virtual bool on_clock_step([[maybe_unused]] std::int64_t now_us, [[maybe_unused]] std::int64_t step_us) {
+    return true;
+  }
 };
 
 }  // namespace swarm

@@ -14,6 +14,7 @@
 #include <iostream>
 #include <optional>
 #include <stdexcept>
+#include <utility>
 
 #include "lcmtypes/bus/lcm_bus.h"
 
@@ -24,10 +25,9 @@ using namespace std::chrono_literals;
 using std::chrono::microseconds;
 using std::chrono::steady_clock;
 
-// The longest sleep: a system clock that jumps delays a step by no more than this.
+// The longest sleep: a system clock that jumps is noticed within it.
 constexpr microseconds kMaxSleep = 100ms;
 constexpr microseconds kClockJump = 50ms;
-constexpr std::uint64_t kMaxReplayUtime = std::uint64_t{1} << 53;  // as validated
 
 // Lets one warning per second pass.
 class RateLimit {
@@ -53,16 +53,12 @@ void check_url(const std::string& url) {
 
 }  // namespace
 
-std::int64_t wall_utime() {
-  return std::chrono::duration_cast<microseconds>(std::chrono::system_clock::now().time_since_epoch()).count();
-}
-
 // A node, its buses and its wake-ups.
 class RealtimeHost::Seat : public Outbox {
  public:
   Seat(boost::asio::io_context& io, std::string name, Node& node, const std::string& onboard_url,
        const std::string& swarm_url, HostClock clock)
-      : name_(std::move(name)), node_(node), clock_(clock), timer_(io), clock_offset_us_(clock_offset_us()) {
+      : name_(std::move(name)), node_(node), config_(clock), clock_(clock.read()), timer_(io) {
     open(io, BusId::kOnboard, onboard_url);
     open(io, BusId::kSwarm, swarm_url);
     std::array<std::string, 2> channels;
@@ -71,7 +67,7 @@ class RealtimeHost::Seat : public Outbox {
       const auto& bus = port(id).bus;
       if (!bus) throw std::invalid_argument(name_ + " listens to " + subscription.channel + " on a bus without URL");
       bus->subscribe(subscription.channel, [this, id](std::string_view channel, std::span<const std::uint8_t> bytes) {
-        if (clock_.source == TimeSource::kMessages) follow(bytes);
+        if (config_.source == TimeSource::kMessages) follow(bytes);
         node_.on_message(now(), id, channel, bytes, *this);
       });
       channels[static_cast<std::size_t>(id)] += " " + subscription.channel;
@@ -140,7 +136,11 @@ class RealtimeHost::Seat : public Outbox {
     });
   }
 
-  std::int64_t now() const { return wall_utime() + replay_offset_us_ + clock_.error_us; }
+  std::int64_t now() {
+    const ClockReading reading = config_.read();
+    const std::int64_t node_us = clock_.read(reading);
+    return (config_.source == TimeSource::kClock ? node_us : reading.wall_us + replay_offset_us_) + config_.error_us;
+  }
 
   // Replayed messages are old: their time is now. The header's utime has the same place in every message.
   void follow(std::span<const std::uint8_t> bytes) {
@@ -148,31 +148,35 @@ class RealtimeHost::Seat : public Outbox {
     if (bytes.size() < kUtimeAt + 8) return;
     std::uint64_t utime = 0;
     for (std::size_t i = 0; i < 8; ++i) utime = utime << 8 | bytes[kUtimeAt + i];
-    if (utime > kMaxReplayUtime) return;
+    if (utime > kMaxUtime) return;
     const std::int64_t offset = static_cast<std::int64_t>(utime) - wall_utime();
     if (std::abs(offset - replay_offset_us_) > kClockJump.count()) replay_offset_us_ = offset;
   }
 
-  static std::int64_t clock_offset_us() {
-    return wall_utime() - std::chrono::duration_cast<microseconds>(steady_clock::now().time_since_epoch()).count();
-  }
-
   // Time stamps of before and after a jump do not go together, which the nodes' time checks will notice: say why.
   void watch_clock() {
-    const std::int64_t offset = clock_offset_us();
-    if (std::abs(offset - clock_offset_us_) > kClockJump.count() && clock_warnings_.pass()) {
-      spdlog::warn("{}: the system clock jumped by {} ms", name_, (offset - clock_offset_us_) / 1000);
-      clock_offset_us_ = offset;
+    const std::int64_t now_us = now(), step_us = clock_.step_us();
+    const bool was_stepped = std::exchange(is_stepped_, step_us != 0);
+    if (step_us == 0) {
+      if (was_stepped) (void)node_.on_clock_step(now_us, 0);
+    } else if (config_.source == TimeSource::kMessages || node_.on_clock_step(now_us, step_us)) {
+      clock_.adopt_step();
+      is_stepped_ = false;
+      if (clock_warnings_.pass()) spdlog::warn("{}: the system clock jumped by {} ms", name_, step_us / 1000);
+    } else if (!was_stepped) {
+      spdlog::warn("{}: the system clock jumped by {} ms, which is taken over when the robot rests", name_,
+                   step_us / 1000);
     }
   }
 
   std::string name_;
   Node& node_;
-  HostClock clock_;
+  HostClock config_;
+  NodeClock clock_;
+  bool is_stepped_ = false;  // the wall clock, and the node has not agreed yet
   std::int64_t replay_offset_us_ = 0;
   std::array<Port, 2> ports_;
   boost::asio::steady_timer timer_;
-  std::int64_t clock_offset_us_;
   RateLimit send_warnings_, clock_warnings_;
 };
 

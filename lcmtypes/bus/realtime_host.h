@@ -9,24 +9,21 @@
 #include <string>
 #include <vector>
 
+#include "lcmtypes/bus/bus_url.h"
 #include "lcmtypes/bus/node.h"
+#include "lcmtypes/bus/node_clock.h"
 #include "lcmtypes/bus/option_set.h"
 
 namespace swarm {
 
-// On a robot's own computer the default will do; where several robots share one, robot k uses port 7700 + k.
-inline constexpr char kDefaultOnboardUrl[] = "udpm://239.255.76.67:7700?ttl=0";
-inline constexpr char kDefaultSwarmUrl[] = "udpm://239.255.76.68:7667?ttl=1";
-
-// Microseconds since the epoch, by the system clock.
-std::int64_t wall_utime();
-
-// kMessages: the newest message's time, carried on by the clock, so that a replayed log is not refused as old.
+// kClock: steady time near to the wall clock, see node_clock.h; the wall clock's steps are taken when the node agrees.
+// kMessages: the newest message's time, carried on by the wall clock, so that a replayed log is not refused as old.
 enum class TimeSource { kClock, kMessages };
 
 struct HostClock {
   TimeSource source = TimeSource::kClock;
-  std::int64_t error_us = 0;  // added, to try what wrong clocks do
+  std::int64_t error_us = 0;              // added, to try what wrong clocks do
+  ClockReading (*read)() = &read_clocks;  // others, to try what clocks do that are set
 };
 
 // One thread, one event loop, any number of nodes, each with buses of its own.

@@ -13,14 +13,9 @@ using namespace sogm_swarm;
 
 namespace {
 
-constexpr double kMaxPosition = 1e5, kMaxVelocity = 100.0, kMaxAcceleration = 1e3;  // per axis, SI units
-constexpr double kAnything = std::numeric_limits<double>::max();                    // but finite
-constexpr double kRest = 1e-3;                             // what still counts as standing, per axis [m/s], [m/s^2]
-constexpr std::int64_t kMaxUtime = std::int64_t{1} << 53;  // so that sums of times never overflow
+constexpr double kAnything = std::numeric_limits<double>::max();  // but finite
+constexpr double kRest = 1e-3;  // what still counts as standing, per axis [m/s], [m/s^2]
 constexpr int kMaxDelay_us = 10'000'000;
-constexpr int kMaxOrigin = 1 << 30;                           // nor do sums of world indices
-constexpr std::int64_t kMaxMapWords = std::int64_t{1} << 25;  // 256 MB once decompressed
-constexpr int kMaxPartBytes = 60000, kMaxMapBytes = 1 << 22;
 
 // False for NaN.
 bool within(double value, double low, double high) {
@@ -61,8 +56,8 @@ bool at_zero(const float (&knot)[9]) {
 Refusal validate(const obstacle_t& m) {
   const int sizes_used = m.shape == obstacle_t::kBox ? 3 : m.shape == obstacle_t::kSphere ? 1 : 2;
   return verdict(m.id >= 0 && within(m.shape, obstacle_t::kColumn, obstacle_t::kSphere) &&
-                     all_within(m.position, kMaxPosition) && all_within(m.velocity, kMaxVelocity) && yaw_ok(m.yaw) &&
-                     all_within(m.size, 0.0, 1000.0) && within(m.age_s, 0.0, 60.0),
+                     all_within(m.position, kMaxPosition_m) && all_within(m.velocity, kMaxVelocity_mps) &&
+                     yaw_ok(m.yaw) && all_within(m.size, 0.0, kMaxObstacleSize_m) && within(m.age_s, 0.0, 60.0),
                  std::all_of(m.size + sizes_used, m.size + 3, [](double size) { return size == 0.0; }));
 }
 
@@ -78,10 +73,10 @@ Refusal validate(const trajectory_t& m) {
                              std::all_of(std::begin(m.knots), std::end(m.knots), at_zero));
   }
   bool values_ok = m.seq > 0 && utime_ok(m.start_utime) && within(m.piece_us, 10'000, 10'000'000) &&
-                   within(m.num_pieces, 0, trajectory_t::kMaxPieces);
+                   within(m.num_pieces, 0, kMaxTrajectoryPieces);
   for (const auto& knot : m.knots) {
     for (int i = 0; i < 9; ++i) {
-      const double bound = i < 3 ? kMaxPosition : i < 6 ? kMaxVelocity : kMaxAcceleration;
+      const double bound = i < 3 ? kMaxPosition_m : i < 6 ? kMaxVelocity_mps : kMaxAcceleration_mps2;
       values_ok = values_ok && within(knot[i], -bound, bound);
     }
   }
@@ -118,18 +113,17 @@ Refusal validate(const corridors_t& m) {
   const auto face_ok = [](const face_t& face) {
     const double norm =
         std::sqrt(face.normal[0] * face.normal[0] + face.normal[1] * face.normal[1] + face.normal[2] * face.normal[2]);
-    return within(face.piece, 0, trajectory_t::kMaxPieces - 1) && within(norm, 0.999, 1.001) &&
-           std::isfinite(face.offset);
+    return within(face.piece, 0, kMaxTrajectoryPieces - 1) && within(norm, 0.999, 1.001) && std::isfinite(face.offset);
   };
   return verdict(m.trajectory_seq >= 0 && std::all_of(m.faces.begin(), m.faces.end(), face_ok));
 }
 
 Refusal validate(const goal_t& m) {
-  return verdict(all_within(m.position, kMaxPosition));
+  return verdict(all_within(m.position, kMaxPosition_m));
 }
 
 Refusal validate(const robot_state_t& m) {
-  return verdict(all_within(m.position, kMaxPosition) && all_within(m.velocity, kMaxVelocity) && yaw_ok(m.yaw));
+  return verdict(all_within(m.position, kMaxPosition_m) && all_within(m.velocity, kMaxVelocity_mps) && yaw_ok(m.yaw));
 }
 
 Refusal validate(const setpoint_t& m) {
@@ -146,19 +140,19 @@ Refusal validate(const obstacles_t& m) {
 }
 
 Refusal validate(const obstacle_voxels_t& m) {
-  return verdict(m.id >= 0 && all_within(m.position, kMaxPosition) && all_within(m.velocity, kMaxVelocity) &&
+  return verdict(m.id >= 0 && all_within(m.position, kMaxPosition_m) && all_within(m.velocity, kMaxVelocity_mps) &&
                  within(m.age_s, 0.0, 60.0) && within(m.resolution, 0.01, 1.0));
 }
 
 Refusal validate(const sogm_t& m) {
-  const bool values_ok = within(m.frame_duration_us, 1, 10'000'000) && within(m.num_frames, 1, 128) &&
-                         all_within(m.size, 1, 1024) && all_within(m.origin, kMaxOrigin) &&
-                         within(m.resolution, 0.01, 1.0) && m.part >= 0 && within(m.num_parts, 1, 64) &&
-                         within(m.total_bytes, 1, kMaxMapBytes) && within(m.num_bytes, 1, kMaxPartBytes);
+  const bool values_ok = within(m.frame_duration_us, 1, 10'000'000) && within(m.num_frames, 1, kMaxMapFrames) &&
+                         all_within(m.size, 1, kMaxVoxelsPerAxis) && all_within(m.origin, kMaxWorldIndex) &&
+                         within(m.resolution, 0.01, 1.0) && m.part >= 0 && within(m.num_parts, 1, kMaxParts) &&
+                         within(m.total_bytes, 1, kMaxCompressedMapBytes) && within(m.num_bytes, 1, kMaxPartBytes);
   if (!values_ok) return Refusal::kValue;
   const std::int64_t words = std::int64_t{m.num_frames} * m.size[0] * m.size[1] * ((m.size[2] + 63) / 64);
   const int others = m.num_parts - 1;  // each holds one byte at least and a full part at most
-  return verdict(true, words <= kMaxMapWords && m.part < m.num_parts &&
+  return verdict(true, 8 * words <= kMaxMapBytes && m.part < m.num_parts &&
                            within(m.total_bytes - m.num_bytes, others, others * kMaxPartBytes));
 }
 

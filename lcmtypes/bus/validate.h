@@ -8,18 +8,9 @@ namespace swarm {
 
 // kNone, kValue or kInconsistent. The messages' own headers are judged by the first, not by the others.
 [[nodiscard]] Refusal validate(const sogm_swarm::header_t& m);
-[[nodiscard]] Refusal validate(const sogm_swarm::announcement_t& m);
-[[nodiscard]] Refusal validate(const sogm_swarm::broadcast_status_t& m);
-[[nodiscard]] Refusal validate(const sogm_swarm::candidate_t& m);
-[[nodiscard]] Refusal validate(const sogm_swarm::corridors_t& m);
-[[nodiscard]] Refusal validate(const sogm_swarm::goal_t& m);
-[[nodiscard]] Refusal validate(const sogm_swarm::map_status_t& m);
-[[nodiscard]] Refusal validate(const sogm_swarm::obstacle_voxels_t& m);
-[[nodiscard]] Refusal validate(const sogm_swarm::obstacles_t& m);
-[[nodiscard]] Refusal validate(const sogm_swarm::planner_status_t& m);
-[[nodiscard]] Refusal validate(const sogm_swarm::robot_state_t& m);
-[[nodiscard]] Refusal validate(const sogm_swarm::setpoint_t& m);
-[[nodiscard]] Refusal validate(const sogm_swarm::sogm_t& m);
 [[nodiscard]] Refusal validate(const sogm_swarm::trajectory_t& m);
+#define SWARM_VALIDATE(type, ...) [[nodiscard]] Refusal validate(const sogm_swarm::type& m);
+SWARM_MESSAGES(SWARM_VALIDATE)
+#undef SWARM_VALIDATE
 
 }  // namespace swarm

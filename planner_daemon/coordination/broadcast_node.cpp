@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <numbers>
 #include <set>
 
@@ -57,7 +58,10 @@ void declare(OptionSet& options, BroadcastConfig& config) {
 void verify(const BroadcastConfig& config) {
   std::set<int> robots(config.roster.begin(), config.roster.end());
   robots.insert(config.robot_id);
-  if (robots.size() > 62) throw OptionError("--roster: " + std::to_string(robots.size()) + " robots; at most 62");
+  if (std::ssize(robots) > kMaxRosterRobots) {
+    throw OptionError("--roster: " + std::to_string(robots.size()) + " robots; at most " +
+                      std::to_string(kMaxRosterRobots));
+  }
 }
 
 BroadcastNode::BroadcastNode(const BroadcastConfig& config, PromiseStore& store, std::int32_t first_boot)
@@ -97,14 +101,14 @@ void BroadcastNode::on_message(std::int64_t now_us, BusId bus, std::string_view 
   advance(now_us);
 }
 
+TimeWindow BroadcastNode::window(std::int64_t now_us) const {
+  return {now_us, kMaxAge_us, to_us(config_.clock_limit_s)};
+}
+
 Refusal BroadcastNode::on_state(std::int64_t now_us, std::span<const std::uint8_t> bytes) {
   sogm_swarm::robot_state_t state;
-  if (const Refusal refusal = decode(bytes, &state); refusal != Refusal::kNone) return refusal;
-  if (state.header.robot_id != config_.robot_id) return Refusal::kRobot;
-  if (const Refusal refusal = check_time(state.header.utime, now_us, kMaxAge_us, to_us(config_.clock_limit_s));
-      refusal != Refusal::kNone)
-    return refusal;
-  if (const Refusal refusal = state_gate_.pass(state.header); refusal != Refusal::kNone) return refusal;
+  const Refusal refusal = receive(bytes, FromRobot{config_.robot_id}, window(now_us), state_gate_, &state);
+  if (refusal != Refusal::kNone) return refusal;
   if (motion()) return Refusal::kNone;
   const Eigen::Vector3d position(state.position);
   Motion first = kept_.motion.value_or(Motion{Trajectory::hover(1, now_us, position), {}});
@@ -126,15 +130,11 @@ bool BroadcastNode::keep(std::int64_t now_us, announcement_t promise) {
 
 Refusal BroadcastNode::on_candidate(std::int64_t now_us, std::span<const std::uint8_t> bytes) {
   sogm_swarm::candidate_t message;
-  if (const Refusal refusal = decode(bytes, &message); refusal != Refusal::kNone) return refusal;
-  if (message.header.robot_id != config_.robot_id) return Refusal::kRobot;
-  if (const Refusal refusal = check_time(message.header.utime, now_us, kMaxAge_us, to_us(config_.clock_limit_s));
-      refusal != Refusal::kNone)
-    return refusal;
-  if (const Refusal refusal = candidate_gate_.pass(message.header); refusal != Refusal::kNone) return refusal;
+  const Refusal refusal = receive(bytes, FromRobot{config_.robot_id}, window(now_us), candidate_gate_, &message);
+  if (refusal != Refusal::kNone) return refusal;
   ++candidates_;
   const Trajectory candidate = Trajectory::from_wire(message.trajectory);
-  Rejection rejection = examine(now_us, candidate);
+  Rejection rejection = clock_is_stepped_ ? Rejection::kClock : examine(now_us, candidate);
   if (rejection == Rejection::kNone) rejection = protocol_.propose(now_us, candidate, message.urgent != 0);
   ++rejected_[static_cast<std::size_t>(rejection)];
   return Refusal::kNone;
@@ -161,18 +161,18 @@ Rejection BroadcastNode::examine(std::int64_t now_us, const Trajectory& candidat
 
 Refusal BroadcastNode::on_peer(std::int64_t now_us, std::span<const std::uint8_t> bytes, Outbox& outbox) {
   announcement_t message;
-  if (const Refusal refusal = decode(bytes, &message); refusal != Refusal::kNone) return refusal;
+  const auto from_peer = [this](const announcement_t& m) {
+    return links_.contains(m.header.robot_id) ? Refusal::kNone : Refusal::kRobot;
+  };
+  const auto in_order = [this](const announcement_t& m) { return links_.at(m.header.robot_id).gate.pass(m.header); };
+  const TimeWindow lately{now_us, kMaxAge_us, to_us(config_.clock_error_s)};
+  const Refusal refusal = receive(bytes, from_peer, lately, in_order, &message);
+  if (refusal == Refusal::kRobot && message.header.robot_id == config_.robot_id)
+    return Refusal::kNone;  // multicast returns our own
+  if (refusal == Refusal::kTime && message.header.utime > now_us) doubt_clock_of(message.header.robot_id, now_us);
+  if (refusal != Refusal::kNone) return refusal;
   const int id = message.header.robot_id;
-  if (id == config_.robot_id) return Refusal::kNone;  // multicast returns our own
-  const auto entry = links_.find(id);
-  if (entry == links_.end()) return Refusal::kRobot;
-  Link& link = entry->second;
-  if (const Refusal refusal = check_time(message.header.utime, now_us, kMaxAge_us, to_us(config_.clock_error_s));
-      refusal != Refusal::kNone) {
-    if (message.header.utime > now_us) doubt_clock_of(id, now_us);
-    return refusal;
-  }
-  if (const Refusal refusal = link.gate.pass(message.header); refusal != Refusal::kNone) return refusal;
+  Link& link = links_.at(id);
   if (!protocol_.receive(now_us, message)) return Refusal::kRobot;
   if (link.boot == message.header.boot) {
     link.lost += static_cast<std::int32_t>(std::min<std::int64_t>(message.header.seq - link.seq - 1, 1'000'000));
@@ -199,10 +199,28 @@ void BroadcastNode::doubt_clock_of(int id, std::int64_t now_us) {
   clock_doubt_until_us_ = std::max({clock_doubt_until_us_, now_us + kClockDoubt_us, rests_us});
 }
 
+bool BroadcastNode::on_clock_step(std::int64_t now_us, std::int64_t step_us) {
+  advance(now_us);
+  const bool rests = !motion() || motion()->end_utime() <= now_us;
+  clock_is_stepped_ = step_us != 0 && !rests;
+  if (step_us == 0 || !rests) return rests;
+  const std::int64_t then_us = now_us + step_us;
+  for (auto& [id, link] : links_) {  // what they differed by is not what they differ by
+    link.clock = ClockOffset();
+    link.heard_us += step_us;
+  }
+  clock_doubt_until_us_ = then_us + kClockDoubt_us;
+  protocol_.set_clock(then_us);
+  if (motion()) store_fails_ = !keep(then_us, protocol_.state());
+  return true;
+}
+
 void BroadcastNode::advance(std::int64_t now_us) {
+  // No doubt lasts longer; but it would, were the clock set back.
+  clock_doubt_until_us_ = std::min(clock_doubt_until_us_, now_us + kMaxMotion_us);
   protocol_.doubt_clocks(!clocks_agree(now_us));
   protocol_.advance(now_us);
-  if (protocol_.may_commit(now_us))
+  if (!clock_is_stepped_ && protocol_.may_commit(now_us))
     protocol_.commit([&](const announcement_t& promise) { return !(store_fails_ = !keep(now_us, promise)); });
 }
 
@@ -213,24 +231,25 @@ std::int64_t BroadcastNode::step(std::int64_t now_us, Outbox& outbox) {
   if (motion()) {
     if (protocol_.take_news()) {
       has_news_ = true;
-      news_us_ = now_us;
+      news_.done(now_us);
     }
     const auto due = [&] {  // news at once, and again soon, for they may get lost
-      const double wait_s = has_news_ ? 0.0 : now_us < news_us_ + kLively_us ? config_.lively_s : config_.announce_s;
-      return announced_us_ + std::max(gap_us_, to_us(wait_s));
+      const bool is_lively = now_us < news_.due_us(now_us, kLively_us);
+      const double wait_s = has_news_ ? 0.0 : is_lively ? config_.lively_s : config_.announce_s;
+      return announcement_.due_us(now_us, std::max(gap_us_, to_us(wait_s)));
     };
     if (now_us >= due()) announce(now_us, outbox);
-    if (now_us >= next_setpoint_us_) {
+    if (now_us >= setpoint_.due_on_grid_us(now_us, setpoint_period)) {
       publish_setpoint(now_us, outbox);
-      next_setpoint_us_ = (now_us / setpoint_period + 1) * setpoint_period;
+      setpoint_.done(now_us);
     }
-    wake = std::min({next_setpoint_us_, protocol_.due_utime(now_us), due()});
+    wake = std::min({setpoint_.due_on_grid_us(now_us, setpoint_period), protocol_.due_utime(now_us), due()});
   }
-  if (now_us >= next_status_us_) {
+  if (now_us >= status_.due_us(now_us, kStatusPeriod_us)) {
     publish_status(now_us, outbox);
-    next_status_us_ = now_us + kStatusPeriod_us;
+    status_.done(now_us);
   }
-  return std::max(std::min(wake, next_status_us_), now_us + 1);
+  return std::max(std::min(wake, status_.due_us(now_us, kStatusPeriod_us)), now_us + 1);
 }
 
 void BroadcastNode::announce(std::int64_t now_us, Outbox& outbox) {
@@ -241,7 +260,7 @@ void BroadcastNode::announce(std::int64_t now_us, Outbox& outbox) {
   outbox.publish(BusId::kSwarm, channel::kTrajectory, message);
   outbox.publish(BusId::kOnboard, channel::kOwnTrajectory, message);
   has_news_ = false;
-  announced_us_ = now_us;
+  announcement_.done(now_us);
 }
 
 void BroadcastNode::publish_setpoint(std::int64_t utime, Outbox& outbox) {

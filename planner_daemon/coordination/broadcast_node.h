@@ -13,6 +13,8 @@
 #include "lcmtypes/bus/header_source.h"
 #include "lcmtypes/bus/node.h"
 #include "lcmtypes/bus/option_set.h"
+#include "lcmtypes/bus/receive.h"
+#include "lcmtypes/bus/recurring.h"
 #include "planner_daemon/coordination/clock_offset.h"
 #include "planner_daemon/coordination/commit_protocol.h"
 #include "planner_daemon/coordination/promise_store.h"
@@ -49,6 +51,9 @@ class BroadcastNode : public Node {
   void on_message(std::int64_t now_us, BusId bus, std::string_view channel, std::span<const std::uint8_t> bytes,
                   Outbox& outbox) override;
   std::int64_t step(std::int64_t now_us, Outbox& outbox) override;
+  // Not while the robot moves, or its setpoints would jump: what is committed is flown to its end by the time it was
+  // committed in, and nothing is committed meanwhile.
+  bool on_clock_step(std::int64_t now_us, std::int64_t step_us) override;
 
   const CommitProtocol& protocol() const { return protocol_; }
   // The motion this robot is bound to; none before the first robot state.
@@ -69,11 +74,12 @@ class BroadcastNode : public Node {
   Refusal on_state(std::int64_t now_us, std::span<const std::uint8_t> bytes);
   Refusal on_candidate(std::int64_t now_us, std::span<const std::uint8_t> bytes);
   Refusal on_peer(std::int64_t now_us, std::span<const std::uint8_t> bytes, Outbox& outbox);
+  TimeWindow window(std::int64_t now_us) const;  // when messages of the robot itself must be of to be taken
   // What is wrong with a candidate as a motion of this robot.
   Rejection examine(std::int64_t now_us, const Trajectory& candidate) const;
   void advance(std::int64_t now_us);
   bool keep(std::int64_t now_us, sogm_swarm::announcement_t promise);
-  bool clocks_agree(std::int64_t now_us) const { return now_us > clock_doubt_until_us_; }
+  bool clocks_agree(std::int64_t now_us) const { return !clock_is_stepped_ && now_us > clock_doubt_until_us_; }
   void doubt_clock_of(int id, std::int64_t now_us);
   // The robot whose messages' delay an announcement tells.
   int told_about(const sogm_swarm::header_t& header) const;
@@ -97,9 +103,9 @@ class BroadcastNode : public Node {
 
   std::int64_t gap_us_ = 0;                // between announcements, at least
   std::int64_t clock_doubt_until_us_ = 0;  // a peer's message came from the future, or its clock was found wrong
+  bool clock_is_stepped_ = false;          // the wall clock, which is followed when the robot rests
   bool has_news_ = false;
-  std::int64_t news_us_ = 0;
-  std::int64_t announced_us_ = 0, next_setpoint_us_ = 0, next_status_us_ = 0;
+  Recurring news_, announcement_, setpoint_, status_;
   std::int32_t candidates_ = 0;
 };
 

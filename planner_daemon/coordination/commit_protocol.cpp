@@ -49,6 +49,13 @@ void CommitProtocol::start(const Motion& motion, std::int32_t forced_seq) {
   news_ = true;
 }
 
+void CommitProtocol::set_clock(std::int64_t now_us) {
+  if (!announced_.empty()) withdraw();
+  if (!motion_ || motion_->end_utime() <= now_us) return;
+  motion_ = Motion{Trajectory::hover(next_seq_++, now_us, motion_->at(motion_->end_utime()).position), {}};
+  news_ = true;
+}
+
 bool CommitProtocol::all_hear() const {
   return std::all_of(peers_.begin(), peers_.end(),
                      [](const auto& entry) { return entry.second.heard && entry.second.hears_us; });

@@ -53,7 +53,7 @@ enum class Rejection : std::uint8_t {
   kDiscontinuous,  // does not start on the committed motion
   kLimits,         // exceeds speed or acceleration
   kConflict,       // comes too close to a peer's motion
-  kClock,          // a peer's clock differs too much
+  kClock,          // a peer's clock differs too much, or the own one was set
 };
 inline constexpr int kNumRejections = 9;
 const char* to_string(Rejection rejection);
@@ -95,6 +95,9 @@ class CommitProtocol {
   const Trajectory& announced() const { return announced_; }  // waits for acknowledgements; may be empty
   const std::map<int, Peer>& peers() const { return peers_; }
   bool all_hear() const;  // and were heard
+  // The own clock is set to `now_us`, while the robot rests: what it announces is withdrawn, and where what it has
+  // flown ends in the future now, it is bound to hover there. That asks nobody, but it is what it does.
+  void set_clock(std::int64_t now_us);
 
   // Announces a candidate that leaves the committed motion in the future. kNone, kNoCommitted, kWaiting or kClock (not
   // when it is urgent), kBusy or kConflict. One that still waits is withdrawn.

@@ -6,6 +6,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "lcmtypes/bus/bus_url.h"
 #include "swarm_sim/environment/simulation.h"
 #include "swarm_sim/hosts/flight_options.h"
 #include "swarm_sim/hosts/flight_progress.h"
@@ -17,16 +18,12 @@
 namespace swarm {
 
 struct ProcessOptions {
-  bool start_daemons = true;  // false: they run already, as configured elsewhere
-  int base_port = 7667;       // swarm bus; robot k's onboard bus is base_port + 33 + k
+  bool start_daemons = true;         // false: they run already, as configured elsewhere
+  int base_port = kDefaultBasePort;  // swarm bus; robot k's onboard bus is base_port + 33 + k
   std::string netns;          // robot k is in the network namespace of this name and its number; empty: all are here
   std::filesystem::path out;  // the daemons' config files and output go here; empty: a temporary directory
   std::filesystem::path programs;  // where the daemons are; empty: beside this program
 };
-
-// Buses of a swarm whose robots share one computer. They never leave it, but for a swarm bus of ttl > 0.
-std::string swarm_bus_url(int base_port, int ttl = 0);
-std::string onboard_bus_url(int base_port, int robot_id);
 
 // SIGINT or SIGTERM ended the run.
 struct Interrupted : std::runtime_error {

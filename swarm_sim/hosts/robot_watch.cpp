@@ -7,11 +7,6 @@ namespace {
 
 constexpr std::int64_t kPeriod_us = 1'000'000;  // nothing is due by itself
 
-constexpr const char* kOnboardChannels[] = {
-    channel::kRobotState, channel::kObstacles,     channel::kObstacleVoxels, channel::kGoal,     channel::kSogm,
-    channel::kCandidate,  channel::kOwnTrajectory, channel::kPeerTrajectory, channel::kSetpoint, channel::kCorridors,
-    channel::kMapStatus,  channel::kPlannerStatus, channel::kBroadcastStatus};
-
 // False: it is no such message of this robot.
 template <class Message>
 bool read(std::span<const std::uint8_t> bytes, int robot_id, Message* message) {
@@ -28,7 +23,7 @@ RobotWatch::RobotWatch(int robot_id, SwarmShare share, BusRecorder& recorder)
 
 std::vector<Subscription> RobotWatch::subscriptions() const {
   std::vector<Subscription> all;
-  for (const char* channel : kOnboardChannels) all.push_back({BusId::kOnboard, channel});
+  for (const char* channel : channels_of(BusId::kOnboard)) all.push_back({BusId::kOnboard, channel});
   if (share_ != SwarmShare::kNone) all.push_back({BusId::kSwarm, channel::kTrajectory});
   return all;
 }

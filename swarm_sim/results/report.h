@@ -14,17 +14,11 @@
 #include <vector>
 
 #include "lcmtypes/bus/codec.h"
+#include "lcmtypes/bus/timing_stats.h"
 #include "swarm_sim/environment/judge.h"
 #include "swarm_sim/results/commit_audit.h"
 
 namespace swarm {
-
-// Percentiles are of the nearest rank; all 0 when there are no samples.
-struct TimingStats {
-  std::int64_t count = 0;
-  double mean_ms = 0.0, p50_ms = 0.0, p95_ms = 0.0, p99_ms = 0.0, max_ms = 0.0;
-};
-TimingStats timing_stats(std::vector<double> samples_ms);
 
 // The steps of one plan, in the order of RunReport::planning.
 inline constexpr std::array<const char*, 6> kPlanningSteps = {"compose",  "search", "corridor",

@@ -57,8 +57,6 @@ void expect_range(Access access, Number low, Number high, const char* name) {
   expect_range<T>(                        \
       [](T & m) -> auto& { return m.field; }, low, high, #field)
 
-constexpr std::int64_t kMaxUtime = std::int64_t{1} << 53;
-
 TEST(Validate, Ranges) {
   EXPECT_RANGE(goal_t, position[2], -1e5, 1e5);
   EXPECT_RANGE(robot_state_t, position[0], -1e5, 1e5);
@@ -254,9 +252,9 @@ TEST(Validate, SogmPartsAndVolumeAgree) {
       m.size[2] = static_cast<std::int16_t>(z);
     });
   };
-  EXPECT_EQ(volume(32, 1024, 1024, 64), kGood);  // 2^25 words
-  EXPECT_EQ(volume(32, 1024, 1024, 65), kInconsistent);
-  EXPECT_EQ(volume(33, 1024, 1024, 64), kInconsistent);
+  EXPECT_EQ(volume(8, 1024, 1024, 64), kGood);  // 64 MB
+  EXPECT_EQ(volume(8, 1024, 1024, 65), kInconsistent);
+  EXPECT_EQ(volume(9, 1024, 1024, 64), kInconsistent);
   EXPECT_EQ(volume(128, 1024, 1024, 1024), kInconsistent);
 }
 

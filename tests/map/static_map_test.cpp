@@ -194,6 +194,9 @@ TEST_F(StaticMapTest, RefusesBadFilesInOneLineThatNamesThem) {
       {write("data.bt", head), "cut short"},
       {write("deep.bt", head + std::string(1000, '\xff')), "too deep"},
       {write("resolution.bt", "# Octomap OcTree binary file\nid OcTree\nsize 9\nres -1\ndata\n12"), "resolution"},
+      {write("coarse.bt", "# Octomap OcTree binary file\nid OcTree\nsize 9\nres 1000\ndata\n12"),
+       "voxels of 1000 m; they must be within [0.001, 10] m"},
+      {write("fine.bt", "# Octomap OcTree binary file\nid OcTree\nsize 9\nres 1e-9\ndata\n12"), "must be within"},
       {path("colored.ot"), "ColorOcTree"},
       {path("apart.ot"), "MB"},
   };
@@ -203,6 +206,17 @@ TEST_F(StaticMapTest, RefusesBadFilesInOneLineThatNamesThem) {
     EXPECT_NE(message.find(file), std::string::npos) << message;
     EXPECT_EQ(message.find('\n'), std::string::npos) << message;
   }
+}
+
+// Counted in voxels, neither place nor size fits an int: as such they were one voxel somewhere.
+TEST_F(StaticMapTest, RefusesWhatNoIntCanCount) {
+  octomap::OcTree tree(10.0);
+  tree.updateNode(octomap::point3d(3e5f, 3e5f, 3e5f), true);
+  ASSERT_TRUE(tree.write(path("far.ot")));
+  EXPECT_NE(complaint(path("far.ot"), 1e-4).find("MB"), std::string::npos);
+  tree.updateNode(octomap::point3d(-3e5f, 3e5f, 3e5f), true);
+  ASSERT_TRUE(tree.write(path("wide.ot")));
+  EXPECT_NE(complaint(path("wide.ot"), 1e-4).find("MB"), std::string::npos);
 }
 
 TEST_F(StaticMapTest, EveryTruncationIsNoticed) {

@@ -650,6 +650,44 @@ TEST(PlannerNode, RefusalsAreCountedAndChangeNothing) {
   EXPECT_TRUE(std::equal(expected.begin(), expected.end(), f.status().refused));
 }
 
+TEST(PlannerNode, BeforeTheFirstPlanTheNewestIsNone) {
+  const Fixture f;
+  EXPECT_TRUE(f.node.newest_plan().trajectory.empty());
+  EXPECT_FALSE(f.node.newest_plan().fly);
+  EXPECT_EQ(f.node.newest_plan().expansions, 0);
+}
+
+TEST(PlannerNode, AClockThatIsSetStopsNeitherPlansNorStatuses) {
+  for (const std::int64_t step_us : {-5'000'000, 10'000'000}) {
+    SCOPED_TRACE(step_us);
+    Fixture f;
+    const auto plan_for = [&f](double seconds) {
+      for (int i = 0; i < std::lround(20 * seconds); ++i) {
+        f.send_hover();
+        f.send_map();
+        f.run_for(0.05);
+      }
+    };
+    f.start({3, 0, 1});
+    f.send_peer(1, Trajectory::hover(1, f.now_us, {5, 5, 1}));
+    plan_for(1.0);
+    const int plans = f.node.plans(), maps = f.node.missed() + plans;
+    f.now_us += step_us;
+    f.step();
+    EXPECT_EQ(f.node.plans(), plans);  // with a map of another time
+    f.run_for(3.0);
+    EXPECT_EQ(f.node.plans(), plans);
+    EXPECT_EQ(f.status().state, planner_status_t::kStaleMap);
+    EXPECT_GE(f.out.count(channel::kPlannerStatus), plans + 3);
+    f.send_goal({3, 0.1, 1});
+    plan_for(1.0);
+    EXPECT_GE(f.node.plans(), plans + 19);
+    EXPECT_EQ(f.node.missed() + f.node.plans(), maps + 20);
+    EXPECT_LE(f.status().rate_hz, 21.0f);
+    EXPECT_TRUE(f.node.newest_request().peers->at(0).silent);
+  }
+}
+
 // A budget that would take a gigabyte is a slip of the pen.
 TEST(PlannerNodeConfig, TheBudgetIsBounded) {
   const auto parse = [](const char* budget) {

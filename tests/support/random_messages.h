@@ -1,6 +1,8 @@
 // Random valid messages of every type, for the tests of the wire.
 #pragma once
 
+#include <gtest/gtest.h>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -13,6 +15,15 @@ namespace swarm::random_messages {
 
 using namespace sogm_swarm;
 using Random = std::mt19937_64;
+
+// For TYPED_TEST_SUITE.
+template <class Tuple>
+struct TestedTypes;
+template <class... T>
+struct TestedTypes<std::tuple<T...>> {
+  using Types = ::testing::Types<T...>;
+};
+using AllTypes = TestedTypes<AllMessages>::Types;
 
 inline int integer(Random& random, int low, int high) {
   return std::uniform_int_distribution<int>(low, high)(random);

@@ -251,5 +251,62 @@ TEST(Bridge, AClockThatIsSetBackStopsNothing) {
   EXPECT_EQ(flight.node.report().led_by, LedBy::kTrajectory);
 }
 
+// Without setpoints the bridge flies on by itself, whatever becomes of the clock.
+TEST(Bridge, TheCommittedTrajectoryGoesOnWhenTheClockIsSetBack) {
+  Flight flight;
+  const Trajectory trajectory = quintic_to(at_rest({0, 0, 1}), flight.now_us, {3, 0, 1}, 3.0);
+  const std::int64_t start_us = flight.now_us;
+  flight.fly(trajectory, 0.5);
+  flight.run_for(0.5);
+  ASSERT_EQ(flight.node.report().led_by, LedBy::kTrajectory);
+  const std::size_t targets = flight.targets();
+  flight.now_us -= 5'000'000;
+  flight.step();
+  flight.run_for(1.0);
+  EXPECT_NEAR(static_cast<double>(flight.targets() - targets), 100.0, 2.0);
+  for (std::size_t i = 1; i < flight.targets(); ++i) {
+    const auto& before = flight.autopilot.targets[i - 1];
+    const auto& target = flight.autopilot.targets[i];
+    ASSERT_GE(target.time_boot_ms, before.time_boot_ms);
+    EXPECT_LT(
+        (flight.place_of(target) - trajectory.at(start_us + 1000 * std::int64_t{target.time_boot_ms}).position).norm(),
+        0.01)
+        << target.time_boot_ms;
+  }
+}
+
+// Asked, it takes no step of the clock before the robot rests, as the broadcast daemon whose setpoints it follows.
+TEST(Bridge, TakesAStepOfTheClockAtRest) {
+  for (const std::int64_t step_us : {-5'000'000, 500'000, 10'000'000}) {
+    SCOPED_TRACE(step_us);
+    Flight flight;
+    const std::int64_t start_us = flight.now_us;
+    const Trajectory trajectory = quintic_to(at_rest({0, 0, 1}), start_us, {3, 0, 1}, 2.005);
+    flight.fly(trajectory, 1.0);
+    flight.wall_ahead_us = step_us;
+    flight.fly(trajectory, 1.0);
+    EXPECT_EQ(flight.now_us, start_us + 2'000'000);
+    EXPECT_EQ(flight.refused(Refusal::kTime), 0);
+    flight.now_us += 5'000;
+    flight.step();
+    EXPECT_EQ(flight.wall_ahead_us, 0);
+    EXPECT_EQ(flight.now_us, start_us + 2'005'000 + step_us);
+    const Trajectory hover = Trajectory::hover(2, flight.now_us, {3, 0, 1});
+    flight.fly(hover, 1.0);
+    EXPECT_EQ(flight.refused(Refusal::kTime), 0);
+    EXPECT_NEAR(static_cast<double>(flight.targets()), 300.0, 15.0);
+    for (std::size_t i = 1; i < flight.targets(); ++i) {
+      const auto& target = flight.autopilot.targets[i];
+      const std::int64_t since_ms = target.time_boot_ms - flight.autopilot.targets[i - 1].time_boot_ms;
+      EXPECT_GE(since_ms, 0);
+      EXPECT_LE(since_ms, 60);
+      EXPECT_LT((flight.place_of(target) - trajectory.at(start_us + 1000 * std::int64_t{target.time_boot_ms}).position)
+                    .norm(),
+                0.01);
+    }
+    EXPECT_EQ(flight.node.report().led_by, LedBy::kSetpoints);
+  }
+}
+
 }  // namespace
 }  // namespace swarm::test

@@ -43,9 +43,7 @@ void numbers_of(const Json& json, std::multiset<double>* numbers, int* nulls) {
 
 template <class T>
 class MessageJson : public ::testing::Test {};
-using Types = ::testing::Types<announcement_t, broadcast_status_t, candidate_t, corridors_t, goal_t, map_status_t,
-                               obstacle_voxels_t, obstacles_t, planner_status_t, robot_state_t, setpoint_t, sogm_t>;
-TYPED_TEST_SUITE(MessageJson, Types);
+TYPED_TEST_SUITE(MessageJson, AllTypes);
 
 TYPED_TEST(MessageJson, HasTheFieldsOfTheLcmFile) {
   Random random(1);

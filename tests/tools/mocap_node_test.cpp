@@ -308,5 +308,22 @@ TEST(MocapLog, TellsChanges) {
   EXPECT_NE(lines().find("30 datagrams, 0 states"), std::string::npos);
 }
 
+TEST(Mocap, ObstaclesAreNoYoungerThanNowWhenTheClockIsSetBack) {
+  Capture capture;
+  capture.watch(0.3, [](double) {
+    return json::array({make_body("person1", {1, 1, 1}), make_body("door", {2, 2, 1})});
+  });
+  capture.now_us -= 5'000'000;
+  capture.step();
+  const int before = capture.out.count(channel::kObstacles);
+  const auto only_the_door = [](double) { return json::array({make_body("door", {2, 2, 1})}); };
+  capture.watch(0.3, only_the_door);
+  EXPECT_EQ(capture.obstacles().num_obstacles, 2);
+  EXPECT_GE(capture.out.count(channel::kObstacles) - before, 7);  // each can be decoded
+  EXPECT_EQ(capture.out.all<obstacles_t>(channel::kObstacles).back().obstacles.size(), 2u);
+  capture.watch(0.3, only_the_door);
+  EXPECT_EQ(capture.obstacles().num_obstacles, 1);
+}
+
 }  // namespace
 }  // namespace swarm::test

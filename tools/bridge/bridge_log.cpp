@@ -97,10 +97,10 @@ std::vector<LogLine> BridgeLog::update(std::int64_t now_us, const BridgeReport& 
   if (!now.off && seen_.off) add(false, "the robot is at its target");
   seen_ = now;
 
-  if (!next_summary_us_) next_summary_us_ = now_us + kSummaryPeriod_us;
-  if (now_us >= *next_summary_us_ || *next_summary_us_ > now_us + kSummaryPeriod_us) {
+  if (!summary_) summary_.emplace().done(now_us);
+  if (now_us >= summary_->due_us(now_us, kSummaryPeriod_us)) {
     add(false, summary(now_us, bridge, link, parser));
-    next_summary_us_ = now_us + kSummaryPeriod_us;
+    summary_->done(now_us);
   }
   return lines;
 }

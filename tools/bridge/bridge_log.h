@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "lcmtypes/bus/recurring.h"
 #include "tools/bridge/bridge_node.h"
 #include "tools/bridge/controller_link.h"
 #include "tools/bridge/log_line.h"
@@ -27,7 +28,7 @@ class BridgeLog {
   };
 
   Seen seen_;
-  std::optional<std::int64_t> next_summary_us_;
+  std::optional<Recurring> summary_;
 };
 
 }  // namespace swarm

@@ -2,6 +2,7 @@
 #include <boost/asio/steady_timer.hpp>
 #include <chrono>
 
+#include "lcmtypes/bus/boot.h"
 #include "lcmtypes/bus/realtime_host.h"
 #include "tools/bridge/bridge_log.h"
 #include "tools/bridge/bridge_node.h"
@@ -65,10 +66,9 @@ int run(int argc, const char* const* argv) {
                     [](const std::string& text) { (void)LinkAddress::parse(text); });
       },
       [&] {
-        auto made = std::make_unique<BridgeNode>(config, static_cast<std::int32_t>(wall_utime() / 1'000'000),
-                                                 [&ends](std::span<const std::uint8_t> frame) {
-                                                   if (const auto open = ends.lock()) open->send(frame);
-                                                 });
+        auto made = std::make_unique<BridgeNode>(config, new_boot(), [&ends](std::span<const std::uint8_t> frame) {
+          if (const auto open = ends.lock()) open->send(frame);
+        });
         node = made.get();
         return made;
       },

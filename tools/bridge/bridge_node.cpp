@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "lcmtypes/bus/channels.h"
+#include "lcmtypes/bus/limits.h"
 
 namespace swarm {
 namespace {
@@ -18,8 +19,7 @@ constexpr std::int64_t kSamplePeriod_us = 10'000;
 constexpr std::int64_t kAnnouncementAge_us = kSecond_us;
 constexpr std::int64_t kRest_us = kSecond_us;  // how long the place of rest is sent after all has ended
 constexpr std::int64_t kAttitudeAge_us = kSecond_us / 2;
-constexpr std::int32_t kRestart_ms = 1000;                                          // no message is that late
-constexpr double kMaxPosition = 1e5, kMaxVelocity = 100.0, kMaxAcceleration = 1e3;  // per axis, as on the bus
+constexpr std::int32_t kRestart_ms = 1000;  // no message is that late
 constexpr std::int64_t kNever = std::numeric_limits<std::int64_t>::max();
 
 std::int64_t to_us(double seconds) {
@@ -105,20 +105,24 @@ void BridgeNode::on_message(std::int64_t now_us, BusId, std::string_view channel
   if (refusal != Refusal::kNone) report_.refused.count(refusal);
 }
 
+TimeWindow BridgeNode::window(std::int64_t now_us, std::int64_t max_age_us) const {
+  return {now_us, max_age_us, to_us(config_.clock_limit_s)};
+}
+
 Refusal BridgeNode::on_setpoint(std::int64_t now_us, std::span<const std::uint8_t> bytes) {
   sogm_swarm::setpoint_t setpoint;
-  if (const Refusal refusal = decode(bytes, &setpoint); refusal != Refusal::kNone) return refusal;
-  if (setpoint.header.robot_id != config_.robot_id) return Refusal::kRobot;
+  const auto sane_and_in_order = [this](const sogm_swarm::setpoint_t& m) {
+    const bool sane =
+        within(Eigen::Vector3d(m.position), kMaxPosition_m) && within(Eigen::Vector3d(m.velocity), kMaxVelocity_mps) &&
+        within(Eigen::Vector3d(m.acceleration), kMaxAcceleration_mps2) && std::abs(m.yaw_rate) <= kMaxVelocity_mps;
+    return sane ? setpoint_gate_.pass(m.header) : Refusal::kValue;
+  };
+  const Refusal refusal =
+      receive(bytes, FromRobot{config_.robot_id}, window(now_us, kSetpointAge_us), sane_and_in_order, &setpoint);
+  if (refusal != Refusal::kNone) return refusal;
   const std::int64_t utime = setpoint.header.utime;
-  if (const Refusal refusal = check_time(utime, now_us, kSetpointAge_us, to_us(config_.clock_limit_s));
-      refusal != Refusal::kNone)
-    return refusal;
   const MotionState state{Eigen::Vector3d(setpoint.position), Eigen::Vector3d(setpoint.velocity),
                           Eigen::Vector3d(setpoint.acceleration), Eigen::Vector3d(setpoint.jerk)};
-  if (!within(state.position, kMaxPosition) || !within(state.velocity, kMaxVelocity) ||
-      !within(state.acceleration, kMaxAcceleration) || std::abs(setpoint.yaw_rate) > kMaxVelocity)
-    return Refusal::kValue;
-  if (const Refusal refusal = setpoint_gate_.pass(setpoint.header); refusal != Refusal::kNone) return refusal;
   setpoint_heard_us_ = now_us;
   yaw_ = setpoint.yaw;
   // The committed trajectory may have been sampled beyond it meanwhile: the robot is never led backwards.
@@ -134,13 +138,9 @@ Refusal BridgeNode::on_setpoint(std::int64_t now_us, std::span<const std::uint8_
 
 Refusal BridgeNode::on_announcement(std::int64_t now_us, std::span<const std::uint8_t> bytes) {
   sogm_swarm::announcement_t message;
-  if (const Refusal refusal = decode(bytes, &message); refusal != Refusal::kNone) return refusal;
-  if (message.header.robot_id != config_.robot_id) return Refusal::kRobot;
-  if (const Refusal refusal =
-          check_time(message.header.utime, now_us, kAnnouncementAge_us, to_us(config_.clock_limit_s));
-      refusal != Refusal::kNone)
-    return refusal;
-  if (const Refusal refusal = announcement_gate_.pass(message.header); refusal != Refusal::kNone) return refusal;
+  const Refusal refusal =
+      receive(bytes, FromRobot{config_.robot_id}, window(now_us, kAnnouncementAge_us), announcement_gate_, &message);
+  if (refusal != Refusal::kNone) return refusal;
   Motion motion;
   Trajectory announced;  // not committed
   read_announcement(message, &motion, &announced);
@@ -165,7 +165,7 @@ void BridgeNode::on_controller(std::int64_t now_us, const mavlink::Heartbeat& he
 
 void BridgeNode::on_controller(std::int64_t now_us, const mavlink::Attitude& attitude) {
   if (!pass(&attitude_clock_, attitude.time_boot_ms)) return;
-  if (!(std::abs(attitude.yaw) <= kMaxVelocity)) return refuse(StateRefusal::kValue);
+  if (!(std::abs(attitude.yaw) <= kMaxVelocity_mps)) return refuse(StateRefusal::kValue);
   attitude_us_ = now_us;
   attitude_yaw_ = frame_.yaw(attitude.yaw);
 }
@@ -174,7 +174,7 @@ void BridgeNode::on_controller(std::int64_t now_us, const mavlink::LocalPosition
   if (!pass(&position_clock_, local.time_boot_ms)) return;
   const Eigen::Vector3d position = frame_.position_to_world(to_vector(local.position));
   const Eigen::Vector3d velocity = frame_.to_world(to_vector(local.velocity));
-  if (!within(position, kMaxPosition) || !within(velocity, kMaxVelocity)) return refuse(StateRefusal::kValue);
+  if (!within(position, kMaxPosition_m) || !within(velocity, kMaxVelocity_mps)) return refuse(StateRefusal::kValue);
   if (target_) report_.off_m = (position - *target_).norm();
   if (!attitude_us_ || now_us - *attitude_us_ > kAttitudeAge_us) return refuse(StateRefusal::kNoAttitude);
   if (!config_.publish_state) return;
@@ -218,28 +218,38 @@ bool BridgeNode::pass(BootClock* clock, std::uint32_t time_ms) {
 
 std::int64_t BridgeNode::step(std::int64_t now_us, Outbox&) {
   follow_clock(now_us);
-  if (now_us >= next_heartbeat_us_) {
+  if (now_us >= heartbeat_.due_us(now_us, kHeartbeatPeriod_us)) {
     mavlink::Heartbeat heartbeat;
     heartbeat.type = mavlink::Heartbeat::kOnboardController;
     heartbeat.autopilot = mavlink::Heartbeat::kNone;
     heartbeat.system_status = mavlink::Heartbeat::kActive;
     send(heartbeat);
-    next_heartbeat_us_ = now_us + kHeartbeatPeriod_us;
+    heartbeat_.done(now_us);
   }
-  return std::max(now_us + 1, std::min(next_heartbeat_us_, guide(now_us)));
+  return std::max(now_us + 1, std::min(heartbeat_.due_us(now_us, kHeartbeatPeriod_us), guide(now_us)));
 }
 
-// A clock that is set back must not make anything wait for the time that was before.
+bool BridgeNode::on_clock_step(std::int64_t now_us, std::int64_t step_us) {
+  follow_clock(now_us);
+  const bool is_led = report_.led_by == LedBy::kSetpoints || report_.led_by == LedBy::kTrajectory;
+  if (step_us != 0 && is_led && motion_ && motion_->end_utime() > now_us) return false;
+  shift_times(step_us);
+  return true;
+}
+
+// A clock that is set back must not make anything wait for the time that was before, nor fly again what was flown.
 void BridgeNode::follow_clock(std::int64_t now_us) {
   if (!start_us_) start_us_ = now_us;
-  if (const std::int64_t back = now_us_ - now_us; back > 0) {
-    for (std::int64_t* const time :
-         {&setpoint_heard_us_, &announcement_heard_us_, &sent_utime_, &next_sample_us_, &next_heartbeat_us_})
-      *time -= back;
-    for (auto* const time : {&report_.heartbeat_us, &attitude_us_, &start_us_})
-      if (*time) **time -= back;
-  }
+  if (now_us < now_us_) shift_times(now_us - now_us_);
   now_us_ = now_us;
+}
+
+void BridgeNode::shift_times(std::int64_t later_us) {
+  for (std::int64_t* const time : {&now_us_, &setpoint_heard_us_, &announcement_heard_us_, &sent_utime_})
+    *time += later_us;
+  for (auto* const time : {&report_.heartbeat_us, &attitude_us_, &start_us_})
+    if (*time) **time += later_us;
+  if (motion_) motion_->committed.shift(later_us), motion_->next.shift(later_us);
 }
 
 // Sends what is due of the committed trajectory; returns when to look again.
@@ -257,12 +267,12 @@ std::int64_t BridgeNode::guide(std::int64_t now_us) {
     return kNever;
   }
   report_.led_by = LedBy::kTrajectory;
-  if (now_us >= next_sample_us_) {
+  if (now_us >= sample_.due_on_grid_us(now_us, kSamplePeriod_us)) {
     ++report_.samples;
     send_target(now_us, motion_->at(now_us), yaw_, 0.0);
-    next_sample_us_ = (now_us / kSamplePeriod_us + 1) * kSamplePeriod_us;
+    sample_.done(now_us);
   }
-  return next_sample_us_;
+  return sample_.due_on_grid_us(now_us, kSamplePeriod_us);
 }
 
 // In W.

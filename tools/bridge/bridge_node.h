@@ -12,6 +12,8 @@
 #include "lcmtypes/bus/header_source.h"
 #include "lcmtypes/bus/node.h"
 #include "lcmtypes/bus/option_set.h"
+#include "lcmtypes/bus/receive.h"
+#include "lcmtypes/bus/recurring.h"
 #include "planner_daemon/trajectory/motion.h"
 #include "tools/bridge/mavlink.h"
 #include "tools/bridge/ned_frame.h"
@@ -83,6 +85,8 @@ class BridgeNode : public Node {
   // A message of the controller; a step has to follow.
   void on_frame(std::int64_t now_us, const mavlink::Message& message, Outbox& outbox);
   std::int64_t step(std::int64_t now_us, Outbox& outbox) override;
+  // Not while the robot moves: the broadcast daemon keeps its time then, too.
+  bool on_clock_step(std::int64_t now_us, std::int64_t step_us) override;
 
   const BridgeReport& report() const { return report_; }
 
@@ -106,7 +110,9 @@ class BridgeNode : public Node {
   bool pass(BootClock* clock, std::uint32_t time_ms);
   void refuse(StateRefusal reason) { ++report_.states_refused[static_cast<std::size_t>(reason)]; }
 
+  TimeWindow window(std::int64_t now_us, std::int64_t max_age_us) const;
   void follow_clock(std::int64_t now_us);
+  void shift_times(std::int64_t later_us);
   std::int64_t guide(std::int64_t now_us);
   void send_target(std::int64_t utime, const MotionState& state, double yaw_rad, double yaw_rate);
   void send(const mavlink::Message& message) { sink_(encoder_.encode(message)); }
@@ -124,7 +130,7 @@ class BridgeNode : public Node {
   std::int64_t setpoint_heard_us_ = 0, announcement_heard_us_ = 0;
   std::int64_t sent_utime_ = 0;            // of the newest target,
   std::optional<Eigen::Vector3d> target_;  // which is here, in W
-  std::int64_t next_sample_us_ = 0, next_heartbeat_us_ = 0;
+  Recurring sample_, heartbeat_;
   double yaw_ = 0.0;              // of the newest setpoint, in W
   std::optional<Motion> motion_;  // what the robot is bound to
 

@@ -2,6 +2,7 @@
 
 #include <spdlog/fmt/fmt.h>
 
+#include <cstdlib>
 #include <numeric>
 
 namespace swarm {
@@ -23,22 +24,22 @@ std::string summary(const MocapReport& report) {
 
 std::vector<LogLine> MocapLog::update(std::int64_t now_us, const MocapReport& report) {
   std::vector<LogLine> lines;
-  const bool heard = report.heard_us && now_us - *report.heard_us < kSecond_us;
+  const bool heard = report.heard_us && std::abs(now_us - *report.heard_us) < kSecond_us;
   if (heard && !heard_) add_line(&lines, false, "motion capture is heard");
   if (!heard && heard_) add_line(&lines, true, "motion capture is silent");
   heard_ = heard;
   if (report.obstacles != obstacles_) add_line(&lines, false, fmt::format("{} obstacles", report.obstacles));
   obstacles_ = report.obstacles;
   const std::int64_t refused = std::accumulate(report.refused.begin(), report.refused.end(), std::int64_t{0});
-  if (refused != refused_ && now_us >= next_refusal_us_.value_or(now_us)) {
+  if (refused != refused_ && now_us >= refusal_.due_us(now_us, kSecond_us)) {
     add_line(&lines, true, fmt::format("{} datagrams refused; the newest: {}", refused - refused_, report.words));
     refused_ = refused;
-    next_refusal_us_ = now_us + kSecond_us;
+    refusal_.done(now_us);
   }
-  if (!next_summary_us_) next_summary_us_ = now_us + kSummaryPeriod_us;
-  if (now_us >= *next_summary_us_) {
+  if (!summary_) summary_.emplace().done(now_us);
+  if (now_us >= summary_->due_us(now_us, kSummaryPeriod_us)) {
     add_line(&lines, false, summary(report));
-    next_summary_us_ = now_us + kSummaryPeriod_us;
+    summary_->done(now_us);
   }
   return lines;
 }

@@ -5,6 +5,7 @@
 #include <optional>
 #include <vector>
 
+#include "lcmtypes/bus/recurring.h"
 #include "tools/bridge/log_line.h"
 #include "tools/bridge/mocap_node.h"
 
@@ -19,7 +20,8 @@ class MocapLog {
   bool heard_ = false;
   int obstacles_ = 0;
   std::int64_t refused_ = 0;
-  std::optional<std::int64_t> next_summary_us_, next_refusal_us_;
+  std::optional<Recurring> summary_;
+  Recurring refusal_;
 };
 
 }  // namespace swarm

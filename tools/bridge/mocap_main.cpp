@@ -4,6 +4,7 @@
 #include <boost/asio/steady_timer.hpp>
 #include <chrono>
 
+#include "lcmtypes/bus/boot.h"
 #include "lcmtypes/bus/realtime_host.h"
 #include "tools/bridge/mocap_log.h"
 #include "tools/bridge/mocap_node.h"
@@ -89,7 +90,7 @@ int run(int argc, const char* const* argv) {
         options.add("port", &port, 1, 65535, "", "where datagrams come in");
       },
       [&] {
-        auto made = std::make_unique<MocapNode>(config, static_cast<std::int32_t>(wall_utime() / 1'000'000));
+        auto made = std::make_unique<MocapNode>(config, new_boot());
         node = made.get();
         return made;
       },

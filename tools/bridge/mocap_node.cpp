@@ -8,6 +8,7 @@
 
 #include "lcmtypes/bus/channels.h"
 #include "lcmtypes/bus/crc32.h"
+#include "lcmtypes/bus/limits.h"
 #include "lcmtypes/bus/text.h"
 
 namespace swarm {
@@ -20,8 +21,7 @@ constexpr double kWindow_s = 0.2;      // of velocities
 constexpr double kLeastSpan_s = 0.03;  // a velocity needs so much of it
 constexpr std::int64_t kGone_us = 500'000;
 constexpr double kRestart_s = 1.0;  // no datagram is that late: the clock began anew
-constexpr double kMaxPosition = 1e4, kMaxTime_s = 1e11;
-constexpr double kMaxVelocity = 100.0;             // on the bus
+constexpr double kFarthest_m = 1e4, kMaxTime_s = 1e11;
 constexpr double kJump_m = 0.3, kJump_mps = 20.0;  // what moves faster is another body
 constexpr std::size_t kMaxBodies = 1024, kMaxName = 64;
 
@@ -160,11 +160,12 @@ void MocapNode::on_datagram(std::int64_t now_us, std::span<const std::uint8_t> b
   }
   ++report_.datagrams;
   report_.heard_us = now_us;
+  // After the clock was set back, nothing was seen later than now.
+  for (auto& [name, track] : tracks_) track.seen_us = std::min(track.seen_us, now_us);
   std::erase_if(tracks_, [now_us](const auto& entry) { return now_us - entry.second.seen_us > kGone_us; });
   publish_state(now_us, outbox);
   const auto period_us = std::llround(1e6 / config_.obstacle_rate_hz);
-  if (!rules_.empty() && (now_us - obstacles_us_ >= period_us || now_us < obstacles_us_))
-    publish_obstacles(now_us, outbox);
+  if (!rules_.empty() && now_us >= obstacles_.due_us(now_us, period_us)) publish_obstacles(now_us, outbox);
 }
 
 MocapNode::Datagram MocapNode::read(std::span<const std::uint8_t> bytes) {
@@ -190,7 +191,7 @@ MocapNode::Datagram MocapNode::read(std::span<const std::uint8_t> bytes) {
     if (body.name.empty() || body.name.size() > kMaxName)
       refuse(MocapRefusal::kValue, of + ".name: must have 1 to " + std::to_string(kMaxName) + " bytes");
     if (!names.insert(body.name).second) refuse(MocapRefusal::kTwice, of + ".name: is there twice");
-    body.position = numbers<3>(field(entry, "position", of), kMaxPosition, of + ".position");
+    body.position = numbers<3>(field(entry, "position", of), kFarthest_m, of + ".position");
     const Eigen::Vector4d q = numbers<4>(field(entry, "quaternion", of), 1.1, of + ".quaternion");
     if (std::abs(q.norm() - 1.0) > 0.01) refuse(MocapRefusal::kValue, of + ".quaternion: must have length 1");
     const double w = q[0], x = q[1], y = q[2], z = q[3];
@@ -254,7 +255,7 @@ Eigen::Vector3d MocapNode::velocity_of(const Track& track) {
     product += t * (sample.position - track.samples.front().position);
     square += t * t;
   }
-  return (product / square).cwiseMax(-kMaxVelocity).cwiseMin(kMaxVelocity);
+  return (product / square).cwiseMax(-kMaxVelocity_mps).cwiseMin(kMaxVelocity_mps);
 }
 
 void MocapNode::publish_state(std::int64_t now_us, Outbox& outbox) {
@@ -291,7 +292,7 @@ void MocapNode::publish_obstacles(std::int64_t now_us, Outbox& outbox) {
   outbox.publish(BusId::kOnboard, channel::kObstacles, message);
   report_.obstacles = message.num_obstacles;
   ++report_.obstacle_messages;
-  obstacles_us_ = now_us;
+  obstacles_.done(now_us);
 }
 
 }  // namespace swarm

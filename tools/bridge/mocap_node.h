@@ -17,6 +17,7 @@
 #include "lcmtypes/bus/header_source.h"
 #include "lcmtypes/bus/node.h"
 #include "lcmtypes/bus/option_set.h"
+#include "lcmtypes/bus/recurring.h"
 
 namespace swarm {
 
@@ -117,7 +118,7 @@ class MocapNode : public Node {
   MocapReport report_;
   std::optional<double> newest_t_s_;  // none: the datagrams have no time
   std::map<std::string, Track> tracks_;
-  std::int64_t obstacles_us_ = 0;  // when they were published last
+  Recurring obstacles_;  // published
 };
 
 }  // namespace swarm

@@ -27,7 +27,6 @@ namespace fs = std::filesystem;
 constexpr const char* kUsage =
     "Converts LCM logs into one MCAP file for Foxglove, Lichtblick and Rerun; tools/lcm2mcap --help tells what is in "
     "it.";
-constexpr std::int64_t kMaxUtime = std::int64_t{1} << 53;  // as that of messages; times in ns then fit 64 bits
 
 struct Arguments {
   std::vector<std::string> logs;
@@ -98,7 +97,7 @@ class Converter {
 
   void add(const LogEvent& event, std::optional<int> owner) {
     ++events_;
-    if (event.utime < 0 || event.utime > kMaxUtime) {
+    if (event.utime < 0 || event.utime > kMaxUtime) {  // beyond, times in ns need more than 64 bits
       ++without_time_;
       return;
     }

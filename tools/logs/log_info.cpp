@@ -14,8 +14,8 @@
 #include "lcmtypes/bus/lcm_log.h"
 #include "lcmtypes/bus/option_set.h"
 #include "lcmtypes/bus/text.h"
+#include "lcmtypes/bus/timing_stats.h"
 #include "planner_daemon/coordination/commit_protocol.h"
-#include "swarm_sim/results/report.h"
 #include "tools/logs/log_messages.h"
 
 namespace swarm {

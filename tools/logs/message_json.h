@@ -11,7 +11,7 @@
 
 namespace swarm {
 
-// Instantiated in message_json.cpp for every message of codec.h.
+// Instantiated in message_json.cpp for every message of message_list.h.
 template <class T>
 nlohmann::ordered_json to_json(const T& message);
 

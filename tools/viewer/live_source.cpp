@@ -3,16 +3,16 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "lcmtypes/bus/boot.h"
 #include "lcmtypes/bus/channels.h"
 #include "lcmtypes/bus/header_source.h"
-#include "swarm_sim/hosts/processes.h"
+#include "lcmtypes/bus/recurring.h"
 
 namespace swarm {
 namespace {
 
 constexpr std::int64_t kStep_us = 50'000;
 constexpr int kRepeatGoal = 5;          // times, for a bus may lose it
-constexpr double kMaxPosition_m = 1e5;  // as on the wire
 constexpr double kOldMessages_s = 5.0;  // then the log's time is meant, not the clock's
 constexpr std::int64_t kLately_us = 1'000'000;
 
@@ -42,9 +42,9 @@ class LiveSource::Listener : public Node {
   }
 
   std::int64_t step(std::int64_t now_us, Outbox& outbox) override {
-    if (repeat_goal_ > 0 && now_us >= next_goal_us_) {
+    if (repeat_goal_ > 0 && now_us >= goal_sent_.due_us(now_us, kStep_us)) {
       --repeat_goal_;
-      next_goal_us_ = now_us + kStep_us;
+      goal_sent_.done(now_us);
       goal_.header = headers_->next(now_us);
       outbox.publish(bus_, channel::kGoal, goal_);
     }
@@ -53,7 +53,7 @@ class LiveSource::Listener : public Node {
 
   // The newest goal wins, by the time its sender started.
   void send_goal(const Eigen::Vector3d& position) {
-    if (!headers_) headers_.emplace(robot_, static_cast<std::int32_t>(wall_utime() / 1'000'000));
+    if (!headers_) headers_.emplace(robot_, new_boot());
     Eigen::Map<Eigen::Vector3d>(goal_.position) = position;
     repeat_goal_ = kRepeatGoal;
   }
@@ -71,7 +71,7 @@ class LiveSource::Listener : public Node {
   std::optional<HeaderSource> headers_;
   sogm_swarm::goal_t goal_{};
   int repeat_goal_ = 0;
-  std::int64_t next_goal_us_ = 0;
+  Recurring goal_sent_;
 };
 
 class LiveSource::View : public PictureSource {

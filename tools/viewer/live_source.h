@@ -14,7 +14,7 @@ namespace swarm {
 class LiveSource {
  public:
   struct Options {
-    int base_port = 7667;                     // of the swarm bus; robot k's onboard bus is this + 33 + k
+    int base_port = kDefaultBasePort;         // of the swarm bus; robot k's onboard bus is this + 33 + k
     std::vector<int> onboard = {0, 1, 2, 3};  // robots whose onboard buses are on this computer
     bool replay = false;                      // messages are of another time
     bool allow_goals = false;

@@ -3,14 +3,16 @@
 #include <cstdlib>
 #include <thread>
 
+#include "lcmtypes/bus/boot.h"
+#include "lcmtypes/bus/bus_url.h"
 #include "lcmtypes/bus/codec.h"
 #include "lcmtypes/bus/header_source.h"
 #include "lcmtypes/bus/lcm_bus.h"
-#include "lcmtypes/bus/realtime_host.h"
+#include "lcmtypes/bus/node_clock.h"
 
 int main(int argc, char** argv) {
   swarm::LcmBus bus(argc > 1 ? argv[1] : swarm::kDefaultOnboardUrl);
-  swarm::HeaderSource headers(argc > 2 ? std::atoi(argv[2]) : 0, static_cast<int>(swarm::wall_utime() / 1'000'000));
+  swarm::HeaderSource headers(argc > 2 ? std::atoi(argv[2]) : 0, swarm::new_boot());
   for (std::vector<std::uint8_t> bytes;; std::this_thread::sleep_for(std::chrono::milliseconds(20))) {
     sogm_swarm::robot_state_t state{};
     state.header = headers.next(swarm::wall_utime());  // when this was measured

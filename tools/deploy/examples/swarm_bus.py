@@ -25,7 +25,7 @@ class Bus:
     def __init__(self, url, robot=0):
         group, port, ttl = re.fullmatch(r"udpm://([0-9.]+):(\d+)\?ttl=(\d+)", url).groups()
         self.address = (group, int(port))
-        self.robot, self.boot, self.seq = robot, int(time.time()), {}
+        self.robot, self.boot, self.seq = robot, int(20 * time.clock_gettime(time.CLOCK_BOOTTIME)), {}
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         self.socket.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, int(ttl))

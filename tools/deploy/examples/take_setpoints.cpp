@@ -3,9 +3,9 @@
 
 #include <iostream>
 
+#include "lcmtypes/bus/bus_url.h"
 #include "lcmtypes/bus/codec.h"
 #include "lcmtypes/bus/lcm_bus.h"
-#include "lcmtypes/bus/realtime_host.h"
 
 int main(int argc, char** argv) {
   swarm::LcmBus bus(argc > 1 ? argv[1] : swarm::kDefaultOnboardUrl);

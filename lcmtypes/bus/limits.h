@@ -1,0 +1,43 @@
+// How much there may be of what messages carry. Each limit stands once: in its message's .lcm file, or here.
+#pragma once
+
+#include <cstdint>
+
+#include "sogm_swarm/announcement_t.hpp"
+#include "sogm_swarm/corridors_t.hpp"
+#include "sogm_swarm/obstacle_voxels_t.hpp"
+#include "sogm_swarm/obstacles_t.hpp"
+#include "sogm_swarm/sogm_t.hpp"
+#include "sogm_swarm/trajectory_t.hpp"
+
+namespace swarm {
+
+inline constexpr int kMaxRosterRobots = sogm_swarm::announcement_t::kMaxAcks;  // that fly together
+inline constexpr int kMaxTrajectoryPieces = sogm_swarm::trajectory_t::kMaxPieces;
+inline constexpr int kMaxFaces = sogm_swarm::corridors_t::kMaxFaces;  // of all corridors of a plan
+inline constexpr int kMaxTrackedObstacles = sogm_swarm::obstacles_t::kMaxObstacles;
+inline constexpr int kMaxObstacleVoxels = sogm_swarm::obstacle_voxels_t::kMaxVoxels;  // of one obstacle
+inline constexpr double kMaxObstacleSize_m = 1000.0;
+
+// Of a map.
+inline constexpr int kMaxMapFrames = sogm_swarm::sogm_t::kMaxFrames;
+inline constexpr int kMaxVoxelsPerAxis = sogm_swarm::sogm_t::kMaxVoxelsPerAxis;
+inline constexpr int kMaxVoxelsPerFrame = 1 << 26;
+inline constexpr int kMaxParts = sogm_swarm::sogm_t::kMaxParts;
+inline constexpr int kMaxPartBytes = sogm_swarm::sogm_t::kMaxPartBytes;            // compressed
+inline constexpr int kMaxCompressedMapBytes = sogm_swarm::sogm_t::kMaxTotalBytes;  // all parts together
+inline constexpr std::int64_t kMaxMapBytes = std::int64_t{1} << 26;                // decompressed, all frames
+inline constexpr int kMaxWorldIndex = 1 << 30;  // of a voxel, either sign: sums of two never overflow
+
+// Of numbers on the wire, per axis where they have axes.
+inline constexpr double kMaxPosition_m = 1e5;
+inline constexpr double kMaxVelocity_mps = 100.0;
+inline constexpr double kMaxAcceleration_mps2 = 1e3;
+inline constexpr std::int64_t kMaxUtime = std::int64_t{1} << 53;  // sums of times never overflow
+
+static_assert(kMaxParts * kMaxPartBytes <= kMaxCompressedMapBytes, "what parts can carry may be said");
+static_assert(kMaxVoxelsPerFrame / 8 <= kMaxMapBytes, "a frame fits a map");
+static_assert(sizeof(sogm_swarm::trajectory_t::knots) / sizeof(sogm_swarm::trajectory_t::knots[0]) ==
+              kMaxTrajectoryPieces + 1);
+
+}  // namespace swarm

@@ -1,0 +1,54 @@
+// From bytes to a message that a node may believe: the checks that all nodes make of all messages, in one order.
+#pragma once
+
+#include <concepts>
+#include <cstdint>
+#include <span>
+#include <type_traits>
+
+#include "lcmtypes/bus/codec.h"
+
+namespace swarm {
+
+// When messages must be of to be taken.
+struct TimeWindow {
+  std::int64_t now_us = 0;
+  std::int64_t max_age_us = kMaxUtime, max_ahead_us = kMaxUtime;  // [0, 2^53]; the defaults: any time will do
+};
+
+// Whose messages are taken, for receive(): one robot's.
+struct FromRobot {
+  int id;
+  template <class T>
+  Refusal operator()(const T& message) const {
+    return message.header.robot_id == id ? Refusal::kNone : Refusal::kRobot;
+  }
+};
+
+// For receive(): messages that are in order by other rules.
+struct AnyOrder {
+  template <class T>
+  Refusal operator()(const T&) const {
+    return Refusal::kNone;
+  }
+};
+
+// Decodes and validates, then asks `from` (whose it is), checks the time and at last asks `order` (a SequenceGate, or
+// whatever takes the message and says so): a message that is refused before uses up no number. `from` and `order` take
+// the message and return a Refusal. `message` is good after kNone, kTime and what only `from` or `order` return, as
+// kRobot and kSequence; after what decode() refuses it is unspecified.
+template <class T, class From, class Order>
+[[nodiscard]] Refusal receive(std::span<const std::uint8_t> bytes, const From& from, const TimeWindow& window,
+                              Order&& order, T* message) {
+  if (const Refusal refusal = decode(bytes, message); refusal != Refusal::kNone) return refusal;
+  if (const Refusal refusal = from(*message); refusal != Refusal::kNone) return refusal;
+  const Refusal refusal = check_time(message->header.utime, window.now_us, window.max_age_us, window.max_ahead_us);
+  if (refusal != Refusal::kNone) return refusal;
+  if constexpr (std::same_as<std::remove_cvref_t<Order>, SequenceGate>) {
+    return order.pass(message->header);
+  } else {
+    return order(*message);
+  }
+}
+
+}  // namespace swarm
