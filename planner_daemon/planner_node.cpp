@@ -142,7 +142,8 @@ Refusal PlannerNode::on_own(std::span<const std::uint8_t> bytes) {
   if (refusal != Refusal::kNone) return refusal;
   const std::int32_t bound_to = own_ ? own_->next.seq() : 0;
   const Trajectory waited = pending_;
-  read_announcement(message, &own_.emplace(), &pending_);
+  own_ = motion_of(message);
+  pending_ = pending_of(message);
   if (!own_->next.empty() && own_->next.seq() != bound_to && own_->next.seq() == message.forced_seq) {
     commit_delay_.missed(1e-6 * static_cast<double>(own_->next.start_utime() - message.pending_stamp));
   } else if (!own_->next.empty() && own_->next.seq() != bound_to) {
@@ -171,10 +172,11 @@ Refusal PlannerNode::on_peer(std::int64_t now_us, std::span<const std::uint8_t> 
   PeerEntry& entry = peers_.at(message.header.robot_id);
   commit_delay_.heard(1e-6 * static_cast<double>(std::max<std::int64_t>(0, now_us - message.header.utime)));
   Peer& peer = peer_list_[entry.place];
-  read_announcement(message, &peer.motion, &peer.announced);
+  peer.motion = motion_of(message);
+  peer.pending = pending_of(message);
   peer.radius_m = message.radius;
   entry.heard_us = now_us;
-  peer.space = space_of(peer.motion, peer.announced);
+  peer.space = space_of(peer.motion, peer.pending);
   return Refusal::kNone;
 }
 
@@ -193,7 +195,7 @@ std::int64_t PlannerNode::step(std::int64_t now_us, Outbox& outbox) {
                                            to_us(config_.clock_limit_s)) != Refusal::kNone;
   std::int64_t wake = std::max(status_.due_us(now_us, kStatusPeriod_us), now_us + 1);
   if (map_is_new_ && own_ && !stale) {
-    // One plan at a time: one that has not begun yet is waited for, whether it is committed or announced.
+    // One plan at a time: one that has not begun yet is waited for, whether it is committed or pending.
     const std::int64_t period_due = plan_.due_us(now_us, to_us(config_.period_s));
     std::int64_t due = period_due;
     for (const Trajectory* coming : {&own_->next, &pending_}) {

@@ -26,7 +26,7 @@ const char* to_string(Rejection rejection) {
 }
 
 bool CommitProtocol::Peer::promised() const {
-  return !announced.empty() && announced.seq() == judged_seq && verdict == ack_t::kAck;
+  return !pending.empty() && pending.seq() == judged_seq && verdict == ack_t::kAck;
 }
 
 CommitProtocol::CommitProtocol(const Rules& rules) : rules_(rules) {
@@ -50,7 +50,7 @@ void CommitProtocol::start(const Motion& motion, std::int32_t forced_seq) {
 }
 
 void CommitProtocol::set_clock(std::int64_t now_us) {
-  if (!announced_.empty()) withdraw();
+  if (!pending_.empty()) withdraw();
   if (!motion_ || motion_->end_utime() <= now_us) return;
   motion_ = Motion{Trajectory::hover(next_seq_++, now_us, motion_->at(motion_->end_utime()).position), {}};
   news_ = true;
@@ -82,12 +82,12 @@ Rejection CommitProtocol::propose(std::int64_t now_us, const Trajectory& candida
   for (const auto& [id, peer] : peers_) {
     if (!peer.heard) continue;
     if (!keeps_off(candidate, peer.motion, peer.radius_m)) return Rejection::kConflict;
-    if (peer.promised() && !free_of(candidate, {peer.motion.committed, peer.announced}, peer.radius_m))
+    if (peer.promised() && !free_of(candidate, {peer.motion.committed, peer.pending}, peer.radius_m))
       return Rejection::kConflict;
   }
-  if (!announced_.empty()) withdraw();  // a newer plan replaces the one that waits
-  announced_ = candidate;
-  announced_.set_seq(next_seq_++);
+  if (!pending_.empty()) withdraw();  // a newer plan replaces the one that waits
+  pending_ = candidate;
+  pending_.set_seq(next_seq_++);
   stamp_ = now_us;
   urgent_ = urgent;
   news_ = true;
@@ -105,7 +105,8 @@ bool CommitProtocol::receive(std::int64_t now_us, const announcement_t& message)
     peer.boot = message.header.boot;
   }
   peer.radius_m = message.radius;
-  read_announcement(message, &peer.motion, &peer.announced);
+  peer.motion = motion_of(message);
+  peer.pending = pending_of(message);
   peer.stamp = message.pending_stamp;
   const ack_t& about_us = message.acks[place_];
   peer.hears_us = about_us.peer_boot == rules_.boot;
@@ -116,14 +117,14 @@ bool CommitProtocol::receive(std::int64_t now_us, const announcement_t& message)
 }
 
 void CommitProtocol::judge(std::int64_t now_us, int peer_id, Peer* peer) {
-  if (peer->announced.empty() || peer->announced.seq() <= peer->judged_seq || !motion_) return;
-  peer->judged_seq = peer->announced.seq();
+  if (peer->pending.empty() || peer->pending.seq() <= peer->judged_seq || !motion_) return;
+  peer->judged_seq = peer->pending.seq();
   peer->verdict = ack_t::kAck;
   news_ = true;
-  const bool late = peer->announced.start_utime() <= now_us;
-  if (late || !keeps_off(peer->announced, *motion_, peer->radius_m)) {
+  const bool late = peer->pending.start_utime() <= now_us;
+  if (late || !keeps_off(peer->pending, *motion_, peer->radius_m)) {
     peer->verdict = ack_t::kNack;
-  } else if (!announced_.empty() && !free_of(peer->announced, {motion_->committed, announced_}, peer->radius_m)) {
+  } else if (!pending_.empty() && !free_of(peer->pending, {motion_->committed, pending_}, peer->radius_m)) {
     if (std::pair(stamp_, rules_.robot_id) < std::pair(peer->stamp, peer_id)) {
       peer->verdict = ack_t::kNack;
     } else {
@@ -138,51 +139,51 @@ void CommitProtocol::advance(std::int64_t now_us) {
     motion_ = Motion{motion_->next, {}};
     news_ = true;
   }
-  if (announced_.empty()) return;
+  if (pending_.empty()) return;
   const bool refused = std::any_of(peers_.begin(), peers_.end(), [this](const auto& entry) {
     const auto& [id, peer] = entry;
-    return id < rules_.robot_id && peer.our_seq == announced_.seq() && peer.our_verdict == ack_t::kNack;
+    return id < rules_.robot_id && peer.our_seq == pending_.seq() && peer.our_verdict == ack_t::kNack;
   });
-  if (refused || now_us >= announced_.start_utime()) withdraw();
+  if (refused || now_us >= pending_.start_utime()) withdraw();
 }
 
 bool CommitProtocol::everybody_agrees() const {
   return !doubts_clocks_ && all_hear() && std::all_of(peers_.begin(), peers_.end(), [this](const auto& entry) {
     const auto& [id, peer] = entry;
-    return rules_.robot_id < id || (peer.our_seq == announced_.seq() && peer.our_verdict == ack_t::kAck);
+    return rules_.robot_id < id || (peer.our_seq == pending_.seq() && peer.our_verdict == ack_t::kAck);
   });
 }
 
 bool CommitProtocol::may_commit(std::int64_t now_us) const {
-  if (announced_.empty() || now_us >= announced_.start_utime()) return false;
+  if (pending_.empty() || now_us >= pending_.start_utime()) return false;
   const bool agreed = everybody_agrees();
-  if (!agreed && !(urgent_ && now_us >= announced_.start_utime() - kLastMoment_us)) return false;
+  if (!agreed && !(urgent_ && now_us >= pending_.start_utime() - kLastMoment_us)) return false;
   return std::all_of(peers_.begin(), peers_.end(), [this, agreed](const auto& entry) {
     const auto& [id, peer] = entry;
     const bool judged_there = agreed && id < rules_.robot_id;  // our P against its C
-    if (peer.heard && !judged_there && !keeps_off(announced_, peer.motion, peer.radius_m)) return false;
-    const bool counts = agreed ? peer.promised() : !peer.announced.empty();
-    return !counts || free_of(announced_, {peer.motion.committed, peer.announced}, peer.radius_m);
+    if (peer.heard && !judged_there && !keeps_off(pending_, peer.motion, peer.radius_m)) return false;
+    const bool counts = agreed ? peer.promised() : !peer.pending.empty();
+    return !counts || free_of(pending_, {peer.motion.committed, peer.pending}, peer.radius_m);
   });
 }
 
 void CommitProtocol::commit(const std::function<bool(const announcement_t&)>& keep) {
   const std::int32_t forced_before = forced_seq_;
-  motion_->next = announced_;
-  if (!everybody_agrees()) forced_seq_ = announced_.seq();
+  motion_->next = pending_;
+  if (!everybody_agrees()) forced_seq_ = pending_.seq();
   if (!keep(state())) {
     motion_->next = Trajectory();
     forced_seq_ = forced_before;
     return withdraw();
   }
-  announced_ = Trajectory();
+  pending_ = Trajectory();
   ++commits_;
   forced_ += forced_seq_ != forced_before;
   news_ = true;
 }
 
 void CommitProtocol::withdraw() {
-  announced_ = Trajectory();
+  pending_ = Trajectory();
   ++withdrawn_;
   news_ = true;
 }
@@ -195,8 +196,8 @@ announcement_t CommitProtocol::state() const {
   if (!motion_->next.empty()) {
     message.pending = motion_->next.to_wire();
     message.pending_state = announcement_t::kCommitted;
-  } else if (!announced_.empty()) {
-    message.pending = announced_.to_wire();
+  } else if (!pending_.empty()) {
+    message.pending = pending_.to_wire();
     message.pending_state = announcement_t::kAnnounced;
   }
   message.pending_stamp = message.pending_state == announcement_t::kNone ? 0 : stamp_;
@@ -218,8 +219,8 @@ bool CommitProtocol::take_news() {
 
 std::int64_t CommitProtocol::due_utime(std::int64_t now_us) const {
   std::int64_t due = std::numeric_limits<std::int64_t>::max();
-  if (!announced_.empty()) {
-    due = announced_.start_utime();
+  if (!pending_.empty()) {
+    due = pending_.start_utime();
     if (urgent_ && now_us < due - kLastMoment_us) due -= kLastMoment_us;
   }
   if (motion_ && !motion_->next.empty()) due = std::min(due, motion_->next.start_utime());

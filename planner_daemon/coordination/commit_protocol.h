@@ -75,8 +75,8 @@ class CommitProtocol {
     std::int32_t boot = -1;
     double radius_m = 0.0;
     Motion motion;                // what it is bound to
-    Trajectory announced;         // its pending trajectory, not yet committed; may be empty
-    std::int64_t stamp = 0;       // of announced
+    Trajectory pending;           // announced, not yet committed; may be empty
+    std::int64_t stamp = 0;       // of pending
     std::int32_t judged_seq = 0;  // newest pending trajectory of this boot that was judged here, and the verdict
     std::int8_t verdict = 0;
     std::int32_t our_seq = 0;  // newest of ours that it judged, and its verdict
@@ -92,7 +92,7 @@ class CommitProtocol {
   // While a peer's clock is known to be wrong, nothing is committed but what is urgent.
   void doubt_clocks(bool doubt) { doubts_clocks_ = doubt; }
   const std::optional<Motion>& motion() const { return motion_; }
-  const Trajectory& announced() const { return announced_; }  // waits for acknowledgements; may be empty
+  const Trajectory& pending() const { return pending_; }  // waits for acknowledgements; may be empty
   const std::map<int, Peer>& peers() const { return peers_; }
   bool all_hear() const;  // and were heard
   // The own clock is set to `now_us`, while the robot rests: what it announces is withdrawn, and where what it has
@@ -106,7 +106,7 @@ class CommitProtocol {
   [[nodiscard]] bool receive(std::int64_t now_us, const sogm_swarm::announcement_t& message);
   // Switches to and withdraws what is due.
   void advance(std::int64_t now_us);
-  // Whether what is announced may be committed now; then commit() does it, unless `keep` fails: what it is handed must
+  // Whether what is pending may be committed now; then commit() does it, unless `keep` fails: what it is handed must
   // survive a crash.
   bool may_commit(std::int64_t now_us) const;
   void commit(const std::function<bool(const sogm_swarm::announcement_t&)>& keep);
@@ -133,9 +133,9 @@ class CommitProtocol {
   std::int32_t roster_crc_ = 0;
   std::size_t place_ = 0;  // of this robot in the roster
   std::optional<Motion> motion_;
-  Trajectory announced_;
+  Trajectory pending_;
   std::int64_t stamp_ = 0;
-  bool urgent_ = false;  // what is announced
+  bool urgent_ = false;  // what is pending
   std::int32_t forced_seq_ = 0;
   bool doubts_clocks_ = false;
   std::int32_t next_seq_ = 1;

@@ -28,10 +28,7 @@ KeptPromise load_promise(PromiseStore& store, int robot_id, std::int32_t first_b
   if (decode(store.load(), &kept) != Refusal::kNone || kept.header.robot_id != robot_id ||
       kept.header.boot == std::numeric_limits<std::int32_t>::max())
     return {first_boot, {}, 0};
-  KeptPromise promise{kept.header.boot + 1, Motion(), kept.forced_seq};
-  Trajectory announced;  // nobody can have committed it
-  read_announcement(kept, &*promise.motion, &announced);
-  return promise;
+  return {kept.header.boot + 1, motion_of(kept), kept.forced_seq};  // what was pending nobody can have committed
 }
 
 }  // namespace swarm

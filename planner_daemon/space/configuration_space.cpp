@@ -77,7 +77,7 @@ void ConfigurationSpace::add_peers(const std::vector<Peer>& peers, const Reachab
     if (!intersect(space, all)) continue;
     if (peer.silent) silent_peers_.add(peer.motion, widest_m, error_us, bounds_);
     peers_.add(peer.motion, radius_m, error_us, bounds_);
-    if (!peer.announced.empty()) peers_.add({peer.motion.committed, peer.announced}, radius_m, error_us, bounds_);
+    if (!peer.pending.empty()) peers_.add({peer.motion.committed, peer.pending}, radius_m, error_us, bounds_);
   }
 }
 

@@ -2,9 +2,9 @@
 
 namespace swarm {
 
-Eigen::AlignedBox3d space_of(const Motion& motion, const Trajectory& announced) {
+Eigen::AlignedBox3d space_of(const Motion& motion, const Trajectory& pending) {
   Eigen::AlignedBox3d space;
-  for (const Trajectory* trajectory : {&motion.committed, &motion.next, &announced}) {
+  for (const Trajectory* trajectory : {&motion.committed, &motion.next, &pending}) {
     for (int k = 0; k < trajectory->num_pieces(); ++k) {
       const ControlPoints points =
           quintic_control_points(trajectory->knot(k), trajectory->knot(k + 1), trajectory->piece_s());

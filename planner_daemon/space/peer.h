@@ -9,7 +9,7 @@ namespace swarm {
 
 struct Peer {
   Motion motion;
-  Trajectory announced;  // waits for acknowledgements: occupied too; may be empty
+  Trajectory pending;  // waits for acknowledgements: occupied too; may be empty
   double radius_m = 0.2;
   bool silent = false;  // has not been heard for a while
   // Its centre stays within, whichever it flies, W [m]; peers elsewhere cost a look at this.
@@ -17,6 +17,6 @@ struct Peer {
 };
 
 // For Peer::space: the hull of all pieces.
-Eigen::AlignedBox3d space_of(const Motion& motion, const Trajectory& announced);
+Eigen::AlignedBox3d space_of(const Motion& motion, const Trajectory& pending);
 
 }  // namespace swarm

@@ -4,18 +4,21 @@
 
 namespace swarm {
 
+using sogm_swarm::announcement_t;
+
 std::int64_t Motion::next_knot_after(std::int64_t utime) const {
   if (!next.empty() && utime >= next.start_utime()) return next.next_knot_after(utime);
   const std::int64_t knot = committed.next_knot_after(utime);
   return next.empty() ? knot : std::min(knot, next.start_utime());
 }
 
-void read_announcement(const sogm_swarm::announcement_t& message, Motion* motion, Trajectory* announced) {
-  using sogm_swarm::announcement_t;
-  const Trajectory pending = Trajectory::from_wire(message.pending);
-  const bool binding = message.pending_state == announcement_t::kCommitted;
-  *motion = {Trajectory::from_wire(message.committed), binding ? pending : Trajectory()};
-  *announced = message.pending_state == announcement_t::kAnnounced ? pending : Trajectory();
+Motion motion_of(const announcement_t& message) {
+  const bool is_bound = message.pending_state == announcement_t::kCommitted;
+  return {Trajectory::from_wire(message.committed), is_bound ? Trajectory::from_wire(message.pending) : Trajectory()};
+}
+
+Trajectory pending_of(const announcement_t& message) {
+  return message.pending_state == announcement_t::kAnnounced ? Trajectory::from_wire(message.pending) : Trajectory();
 }
 
 ControlPoints control_points_between(const Motion& motion, std::int64_t from_utime, std::int64_t to_utime) {

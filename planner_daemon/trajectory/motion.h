@@ -24,9 +24,10 @@ struct Motion {
   std::int64_t end_utime() const { return next.empty() ? committed.end_utime() : next.end_utime(); }
 };
 
-// What an announcement says its robot is bound to, and what it would like to be. From a message that passed decode();
-// `announced` is empty when nothing waits for acknowledgements.
-void read_announcement(const sogm_swarm::announcement_t& message, Motion* motion, Trajectory* announced);
+// What an announcement says its robot is bound to, and what it would like to be bound to: that is pending, and empty
+// when nothing waits for acknowledgements. From a message that passed decode().
+Motion motion_of(const sogm_swarm::announcement_t& message);
+Trajectory pending_of(const sogm_swarm::announcement_t& message);
 
 // Control points of the motion during [from, to], which must hold no knot inside.
 ControlPoints control_points_between(const Motion& motion, std::int64_t from_utime, std::int64_t to_utime);

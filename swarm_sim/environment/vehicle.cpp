@@ -22,8 +22,7 @@ void Vehicle::on_setpoint(std::span<const std::uint8_t> bytes) {
 void Vehicle::on_own_trajectory(std::span<const std::uint8_t> bytes) {
   sogm_swarm::announcement_t message;
   if (decode(bytes, &message) != Refusal::kNone || message.header.robot_id != id_) return;
-  Trajectory announced;  // not committed
-  read_announcement(message, &motion_.emplace(), &announced);
+  motion_ = motion_of(message);
 }
 
 void Vehicle::move_to(std::int64_t utime) {

@@ -39,8 +39,7 @@ bool CommitAudit::read(std::span<const std::uint8_t> bytes, Announcement* announ
   announcement->header = message.header;
   announcement->radius_m = message.radius;
   announcement->forced_seq = message.forced_seq;
-  Trajectory announced;  // not committed
-  read_announcement(message, &announcement->motion, &announced);
+  announcement->motion = motion_of(message);
   return true;
 }
 

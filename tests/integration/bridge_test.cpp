@@ -233,9 +233,8 @@ TEST(BridgeProgram, OutlivesTheBroadcastDaemon) {
   std::optional<Motion> motion;
   bridge.bus.subscribe(channel::kOwnTrajectory, [&](std::string_view, std::span<const std::uint8_t> bytes) {
     sogm_swarm::announcement_t message;
-    Trajectory announced;
     EXPECT_EQ(decode(bytes, &message), Refusal::kNone);
-    read_announcement(message, &motion.emplace(), &announced);
+    motion = motion_of(message);
   });
   ASSERT_TRUE(bridge.live(10.0, [&] { return motion && bridge.autopilot.targets.size() > 20; }))
       << bridge.program.err() << daemon.err();

@@ -68,7 +68,7 @@ Sogm compose_independently(const PlanRequest& request) {
   Sogm occupied = *request.sogm;
   for (const Peer& peer : *request.peers) {
     std::vector<Motion> motions = {peer.motion};
-    if (!peer.announced.empty()) motions.push_back({peer.motion.committed, peer.announced});
+    if (!peer.pending.empty()) motions.push_back({peer.motion.committed, peer.pending});
     for (const Motion& motion : motions) {
       for (int frame = 0; frame < occupied.num_frames; ++frame) {
         for (std::int64_t t = 0; t <= occupied.frame_duration_us; t += 5000) {
@@ -87,7 +87,7 @@ std::string describe(const PlanRequest& request, const PlanResult& result) {
   out << to_string(result.outcome) << (result.fly ? "" : ", own motion kept") << ", search "
       << to_string(result.search_status) << ", goal " << request.goal.transpose() << "\nown: " << request.own
       << "\nplan: " << result.trajectory;
-  for (const Peer& peer : *request.peers) out << "\npeer " << peer.motion << "\nannounced: " << peer.announced;
+  for (const Peer& peer : *request.peers) out << "\npeer " << peer.motion << "\npending: " << peer.pending;
   return out.str();
 }
 
@@ -279,7 +279,7 @@ TEST(PlannerTest, StopsBesideAnOccupiedGoal) {
   EXPECT_LT(left, 1.2);
 }
 
-// A peer counts with all that it may fly: committed, pending next and announced.
+// A peer counts with all that it may fly: committed, next and pending.
 TEST(PlannerTest, KeepsClearOfPeers) {
   const PlannerConfig config = flat_config();
   const Motion own = hovering({-1.5, 0.03, 0.02});
@@ -291,9 +291,9 @@ TEST(PlannerTest, KeepsClearOfPeers) {
   cases[2].motion = hovering(away);
   cases[2].motion.next = line(kStart + 130'000, 700'000, away, {0.0, 0.0, 0.0});  // comes in between two frames' bounds
   cases[3].motion = hovering(away);
-  cases[3].announced = line(kStart + 130'000, 700'000, away, {0.0, 0.0, 0.0});
+  cases[3].pending = line(kStart + 130'000, 700'000, away, {0.0, 0.0, 0.0});
   cases[4].motion = hovering({0.0, 0.1, 0.0});
-  cases[4].announced = line(kStart + 100'000, 700'000, {0.0, 0.1, 0.0}, away);  // announces to leave: may stay as well
+  cases[4].pending = line(kStart + 100'000, 700'000, {0.0, 0.1, 0.0}, away);  // announces to leave: may stay as well
   Planner planner(config);
   PlanRequest request = make_request(sogm, own, goal);
   const Trajectory regardless = planner.plan(request).trajectory;
@@ -305,7 +305,7 @@ TEST(PlannerTest, KeepsClearOfPeers) {
     ASSERT_NE(result.outcome, PlanOutcome::kUnsafe);
     ASSERT_NO_FATAL_FAILURE(check_plan(result, request, config));
     std::vector<Motion> motions = {cases[i].motion};
-    if (!cases[i].announced.empty()) motions.push_back({cases[i].motion.committed, cases[i].announced});
+    if (!cases[i].pending.empty()) motions.push_back({cases[i].motion.committed, cases[i].pending});
     double least = INFINITY, least_regardless = INFINITY;
     for (const Motion& motion : motions) {
       EXPECT_TRUE(motions_separated({result.trajectory, {}}, motion, request.start_utime, 0.4));
@@ -541,7 +541,7 @@ TEST(PlannerTest, RandomScenesKeepAllPromisesAndRepeatBitForBit) {
       peer.radius_m = uniform(rng, 0.1, 0.4);
       if (uniform_int(rng, 0, 1) == 1) {
         const std::int64_t leave = kStart + uniform_int(rng, 0, 300'000);
-        peer.announced = random_trajectory(rng, 2, leave, peer.motion.committed.at(leave), 2.5);
+        peer.pending = random_trajectory(rng, 2, leave, peer.motion.committed.at(leave), 2.5);
       }
     }
     // On the way somewhere: the motion of a plan made in empty space.

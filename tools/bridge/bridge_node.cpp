@@ -141,9 +141,7 @@ Refusal BridgeNode::on_announcement(std::int64_t now_us, std::span<const std::ui
   const Refusal refusal =
       receive(bytes, FromRobot{config_.robot_id}, window(now_us, kAnnouncementAge_us), announcement_gate_, &message);
   if (refusal != Refusal::kNone) return refusal;
-  Motion motion;
-  Trajectory announced;  // not committed
-  read_announcement(message, &motion, &announced);
+  const Motion motion = motion_of(message);
   if (motion.committed.empty()) return Refusal::kInconsistent;
   motion_ = motion;
   announcement_heard_us_ = now_us;

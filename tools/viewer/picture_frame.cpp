@@ -146,7 +146,7 @@ Json robots_json(const SwarmPicture& picture, std::int64_t now_us, FrameWriter* 
       json["announcement_age_s"] = rounded(robot.announcements.age_s(now_us));
       json["committed"] = trajectory_json(robot.motion.committed, now_us, writer);
       json["next"] = trajectory_json(robot.motion.next, now_us, writer);
-      json["pending"] = trajectory_json(robot.announced, now_us, writer);
+      json["pending"] = trajectory_json(robot.pending, now_us, writer);
     }
     if (robot.planner) json["planner"] = planner_json(*robot.planner);
     if (robot.map) json["map"] = map_json(*robot.map);

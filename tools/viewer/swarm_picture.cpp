@@ -57,7 +57,8 @@ void RobotPicture::keep(std::int64_t now_us, const announcement_t& message) {
   if (!announcements.is_news(now_us, message.header)) return;  // it came another way as well
   announcements.count(now_us, message.header);
   radius_m = message.radius;
-  read_announcement(message, &motion, &announced);
+  motion = motion_of(message);
+  pending = pending_of(message);
 }
 
 Refusal RobotPicture::keep(const sogm_t& part, bool was_silent) {

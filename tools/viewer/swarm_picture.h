@@ -42,7 +42,7 @@ struct RobotPicture {
   std::map<std::string, Traffic, std::less<>> traffic;  // by channel
   double radius_m = 0.0;                                // 0: not known yet
   Motion motion;                                        // what it is bound to; committed.empty(): not known
-  Trajectory announced;                                 // waits for acknowledgements; empty: none
+  Trajectory pending;                                   // waits for acknowledgements; empty: none
   Traffic announcements;                                // on whichever channel they came first
   std::optional<sogm_swarm::robot_state_t> state;
   std::optional<sogm_swarm::goal_t> goal;

@@ -130,10 +130,10 @@ TEST(BroadcastClock, WhatIsAnnouncedIsWithdrawnWhenTheClockIsSet) {
   protocol.start({Trajectory::hover(4, kStart_us, kHome), {}});
   const Trajectory plan = quintic_to(protocol.motion()->at(kStart_us), kStart_us + 500'000, {1, 0, 1}, 2.0);
   ASSERT_EQ(protocol.propose(kStart_us, plan, true), Rejection::kNone);
-  const std::int32_t seq = protocol.announced().seq();
+  const std::int32_t seq = protocol.pending().seq();
   (void)protocol.take_news();
   protocol.set_clock(kStart_us + 200'000);
-  EXPECT_TRUE(protocol.announced().empty());
+  EXPECT_TRUE(protocol.pending().empty());
   EXPECT_EQ(protocol.motion()->seq(), 4);  // over in the new time as in the old
   EXPECT_TRUE(protocol.take_news());
   protocol.set_clock(kStart_us - 5'000'000);

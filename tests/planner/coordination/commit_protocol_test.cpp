@@ -63,7 +63,7 @@ class Swarm {
         for (std::size_t v = 0; v < link(i, j).size(); ++v) after([&](Swarm& s) { s.deliver(i, j, v); });
       }
       if (crashes_ > 0) after([&](Swarm& s) { s.crash(i); });
-      const Trajectory& waits = robots_[i].protocol.announced();  // its last moment may come before any other event
+      const Trajectory& waits = robots_[i].protocol.pending();  // its last moment may come before any other event
       if (static_cast<int>(i) == scope_.urgent && !waits.empty() && waits.start_utime() == now_us() + kTick_us)
         after([&](Swarm& s) { s.settle(i, waits.start_utime() - 1); });
     }
@@ -136,7 +136,7 @@ class Swarm {
       for (const auto& [id, peer] : robot.protocol.peers()) {
         mix(peer.boot), mix(peer.hears_us), mix(peer.stamp), mix(peer.judged_seq), mix(peer.verdict);
         mix(peer.our_seq), mix(peer.our_verdict);
-        for (const Trajectory* t : {&peer.motion.committed, &peer.motion.next, &peer.announced}) mix_trajectory(*t);
+        for (const Trajectory* t : {&peer.motion.committed, &peer.motion.next, &peer.pending}) mix_trajectory(*t);
       }
     }
     for (const auto& message : delivered_) {
@@ -238,9 +238,7 @@ class Swarm {
     Robot& robot = robots_[i];
     --crashes_;
     if (!scope_.same_boot) ++robot.boot;
-    Motion motion;
-    Trajectory announced;
-    read_announcement(robot.kept, &motion, &announced);
+    Motion motion = motion_of(robot.kept);
     if (scope_.forgets) motion = {Trajectory::hover(1, now_us(), motion.at(now_us()).position), {}};
     robot.protocol = make(i, robot.boot);
     robot.protocol.start(motion);

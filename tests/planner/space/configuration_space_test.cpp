@@ -47,7 +47,7 @@ Sogm with_peers(const Sogm& sogm, const std::vector<Peer>& peers) {
   for (const Peer& peer : peers) {
     const double radius_m = peer.radius_m + 0.5 * sogm.geometry.resolution_m;
     draw(peer.motion, radius_m, &all);
-    if (!peer.announced.empty()) draw({peer.motion.committed, peer.announced}, radius_m, &all);
+    if (!peer.pending.empty()) draw({peer.motion.committed, peer.pending}, radius_m, &all);
   }
   return all;
 }
@@ -104,7 +104,7 @@ TEST_F(ConfigurationSpaceTest, EqualTheirDefinitionWhereLookedAt) {
       peer.silent = trial % 5 == 0;
       if (trial % 2 == 0) {
         const std::int64_t leave = kStart + 150'000;
-        peer.announced = random_trajectory(rng, 2, leave, peer.motion.committed.at(leave), 2.0);
+        peer.pending = random_trajectory(rng, 2, leave, peer.motion.committed.at(leave), 2.0);
       }
     }
     // Far enough to come everywhere: then peers count in the whole window.
