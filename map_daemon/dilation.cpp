@@ -110,7 +110,7 @@ template <class Sum, class... Smaller, class Work>
     for (std::size_t i = 0; i < rows.width; i += Sum::kWords) {
       const std::size_t y = std::min(i, rows.width - Sum::kWords);
       places[count] = {x * rows.pitch + y, x * out_pitch + y};
-      count += holds_any(everything + places[count].from - margin, Sum::kWords + 2 * margin) ? 1 : 0;
+      count += holds_any(everything + places[count].from - margin, Sum::kWords + 2 * margin) ? 1u : 0u;
       if (count < places.size() && (x + 1 < rows.count || i + Sum::kWords < rows.width)) continue;
       for (std::size_t k = 0; k < count; ++k) work.template operator()<Sum>(places[k].from, places[k].to);
       count = 0;

@@ -30,11 +30,12 @@ void check_nodes(std::string_view bytes, bool binary) {
   std::size_t at = 0;
   pending[0] = 1;
   for (int depth = 0; depth >= 0;) {
-    if (pending[depth] == 0) {
+    int& left = pending[static_cast<std::size_t>(depth)];
+    if (left == 0) {
       --depth;
       continue;
     }
-    --pending[depth];
+    --left;
     const std::size_t record = binary ? 2 : 5;  // two bits a child; or a float and one bit a child
     if (bytes.size() - at < record) throw Fault("is cut short");
     unsigned children = 0;  // that have a record of their own
@@ -50,7 +51,7 @@ void check_nodes(std::string_view bytes, bool binary) {
     at += record;
     // A binary record describes its node's children, so it cannot stand at the last depth.
     if (depth + 1 + (binary ? 1 : 0) > kTreeDepth && children != 0) throw Fault("is damaged: its tree is too deep");
-    if (children != 0) pending[++depth] = std::popcount(children);
+    if (children != 0) pending[static_cast<std::size_t>(++depth)] = std::popcount(children);
   }
 }
 

@@ -67,9 +67,8 @@ struct Sogm {
   void reset(const GridGeometry& new_geometry, int frames, std::int64_t start, std::int64_t duration_us);
 
   std::uint64_t* column(int frame, int x, int y) {
-    const int wpc = geometry.words_per_column();
-    return words.data() + (static_cast<std::size_t>(frame) * geometry.size.x() + x) * geometry.size.y() * wpc +
-           static_cast<std::size_t>(y) * wpc;
+    const Eigen::Index row = Eigen::Index{frame} * geometry.size.x() + x;
+    return words.data() + (row * geometry.size.y() + y) * geometry.words_per_column();
   }
   const std::uint64_t* column(int frame, int x, int y) const { return const_cast<Sogm*>(this)->column(frame, x, y); }
 

@@ -259,7 +259,8 @@ Refusal SogmAssembler::take(const sogm_t& part) {
 
 Refusal SogmAssembler::unpack() {
   packed_.clear();
-  for (int i = 0; i < layout_.num_parts; ++i) packed_.insert(packed_.end(), parts_[i].begin(), parts_[i].end());
+  for (std::size_t i = 0; i < static_cast<std::size_t>(layout_.num_parts); ++i)
+    packed_.insert(packed_.end(), parts_[i].begin(), parts_[i].end());
   const std::size_t size = packed_.size();
   if (size != static_cast<std::size_t>(layout_.total_bytes) || size < kCountBytes) return Refusal::kInconsistent;
   packed_.resize(size + kMaxTokenBytes);  // the last token may be cut short

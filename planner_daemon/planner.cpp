@@ -176,11 +176,12 @@ bool Planner::grow_corridors(const PlanRequest& request) {
   const double h = config_.search.piece_us * 1e-6;
   spline_problem_.corridors.resize(static_cast<std::size_t>(path_.num_pieces));
   for (int k = 0; k < path_.num_pieces; ++k) {
+    const auto piece_at = static_cast<std::size_t>(k);
     const std::int64_t from = request.start_utime + k * std::int64_t{config_.search.piece_us};
-    const ControlPoints piece = quintic_control_points(path_.knots[k], path_.knots[k + 1], h);
-    const FiriStatus status = corridor_builder_.build(piece, space_.occupancy(), config_.space.blocked_m(), from,
-                                                      from + config_.search.piece_us,
-                                                      &spline_problem_.corridors[static_cast<std::size_t>(k)]);
+    const ControlPoints piece = quintic_control_points(path_.knots[piece_at], path_.knots[piece_at + 1], h);
+    const FiriStatus status =
+        corridor_builder_.build(piece, space_.occupancy(), config_.space.blocked_m(), from,
+                                from + config_.search.piece_us, &spline_problem_.corridors[piece_at]);
     if (status != FiriStatus::kGrown) return false;
   }
   result_.corridors = spline_problem_.corridors;

@@ -163,7 +163,7 @@ Refusal PlannerNode::on_peer(std::int64_t now_us, std::span<const std::uint8_t> 
     return id == config_.robot_id || is_one_more ? Refusal::kRobot : Refusal::kNone;
   };
   const auto in_order = [this](const announcement_t& m) {
-    const auto [found, is_new] = peers_.try_emplace(m.header.robot_id, SequenceGate(), peer_list_.size());
+    const auto [found, is_new] = peers_.try_emplace(m.header.robot_id, PeerEntry{{}, peer_list_.size()});
     if (is_new) peer_list_.emplace_back();
     return found->second.gate.pass(m.header);
   };

@@ -96,7 +96,7 @@ void encode(const T& message, std::vector<std::uint8_t>* bytes) {
   bytes->resize(static_cast<std::size_t>(size));
   message.encode(bytes->data(), 0, size);
   const std::uint32_t crc = crc32(std::span(*bytes).subspan(kSealedOffset));
-  for (int i = 0; i < 4; ++i) (*bytes)[kCrcOffset + i] = static_cast<std::uint8_t>(crc >> (24 - 8 * i));
+  for (std::size_t i = 0; i < 4; ++i) (*bytes)[kCrcOffset + i] = static_cast<std::uint8_t>(crc >> (24 - 8 * i));
 }
 
 template <class T>

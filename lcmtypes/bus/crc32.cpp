@@ -5,7 +5,7 @@
 namespace swarm {
 namespace {
 
-constexpr int kSlice = 8;  // bytes per round: more than three times as fast as one by one
+constexpr std::size_t kSlice = 8;  // bytes per round: more than three times as fast as one by one
 using Tables = std::array<std::array<std::uint32_t, 256>, kSlice>;
 
 // tables[k][b]: what byte b contributes when k bytes follow it in the same round.
@@ -16,8 +16,8 @@ constexpr Tables make_tables() {
     for (int bit = 0; bit < 8; ++bit) remainder = (remainder >> 1) ^ ((remainder & 1u) != 0 ? 0xEDB88320u : 0u);
     tables[0][byte] = remainder;
   }
-  for (int k = 1; k < kSlice; ++k) {
-    for (int byte = 0; byte < 256; ++byte) {
+  for (std::size_t k = 1; k < kSlice; ++k) {
+    for (std::size_t byte = 0; byte < 256; ++byte) {
       const std::uint32_t shorter = tables[k - 1][byte];
       tables[k][byte] = (shorter >> 8) ^ tables[0][shorter & 0xFFu];
     }

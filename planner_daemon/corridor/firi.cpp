@@ -130,8 +130,8 @@ FiriStatus Firi::grow(const Eigen::Ref<const Eigen::Matrix3Xd>& seed, std::span<
     throw std::invalid_argument("FiriOptions: log_volume_gap = " + std::to_string(options.log_volume_gap) +
                                 ", must be > 0");
   }
-  seed_.resize(seed.cols());
-  for (Eigen::Index i = 0; i < seed.cols(); ++i) seed_[i] = seed.col(i);
+  seed_.clear();
+  for (Eigen::Index i = 0; i < seed.cols(); ++i) seed_.push_back(seed.col(i));
 
   Ellipsoid ellipsoid;
   ellipsoid.center = seed.rowwise().mean();

@@ -11,6 +11,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <span>
 #include <stdexcept>
 #include <string>
 
@@ -100,6 +101,12 @@ struct SplineQp::Impl {
   const int degree, pieces;
   const int num_acc, num_vel, num_pos, num_outputs;
   const int freedom;  // per axis
+  double duration_s(int piece) const { return durations_s[static_cast<std::size_t>(piece)]; }
+  std::span<const Face> faces_of(int first_piece, int last_piece) const {
+    const std::size_t begin = first_face[static_cast<std::size_t>(first_piece)];
+    return std::span(faces).subspan(begin, first_face[static_cast<std::size_t>(last_piece) + 1] - begin);
+  }
+
   const std::vector<double> durations_s;
   double horizon_s = 0.0;
   double jerk_cap = 0.0;    // times a_max_mps2^2: no feasible curve has a greater jerk integral
@@ -113,7 +120,7 @@ struct SplineQp::Impl {
   // Of the problem being solved; y and the normals hold axis after axis.
   double acc_limit = 0.0, vel_limit = 0.0;
   std::vector<Face> faces;  // with relaxed offsets relative to the start, piece after piece
-  std::vector<int> first_face;
+  std::vector<std::size_t> first_face;
   MatrixX3 unconstrained_acc;
   MatrixX3 outputs;
   Eigen::ArrayXd excess;  // of each output over its most violated relaxed bound
@@ -131,7 +138,7 @@ SplineQp::Impl::Impl(int curve_degree, const std::vector<double>& durations)
       freedom(num_acc - 4),
       durations_s(durations),
       root(jerk_root(degree)),
-      first_face(pieces + 1),
+      first_face(durations.size() + 1),
       outputs(num_outputs, 3),
       excess(num_outputs),
       y(3 * freedom),
@@ -140,7 +147,7 @@ SplineQp::Impl::Impl(int curve_degree, const std::vector<double>& durations)
   const int interior = num_acc - 2;
   Eigen::MatrixXd jerk = Eigen::MatrixXd::Zero(pieces * (degree - 2), num_acc);  // jerk integral = |jerk * acc|^2
   for (int k = 0; k < pieces; ++k) {
-    const double h = durations_s[k];
+    const double h = duration_s(k);
     jerk.block(k * (degree - 2), k * (degree - 2), degree - 2, degree - 1) = root / std::sqrt(h);
     horizon_s += h;
     jerk_cap += 3.0 * square(2.0 * (degree - 2)) / h;
@@ -214,7 +221,7 @@ template <typename Matrix>
 void SplineQp::Impl::integrate(Matrix* curve) const {
   int acc = 0, vel = num_acc, pos = num_acc + num_vel;
   for (int k = 0; k < pieces; ++k, --acc) {
-    const double vel_step = durations_s[k] / (degree - 1), pos_step = durations_s[k] / degree;
+    const double vel_step = duration_s(k) / (degree - 1), pos_step = duration_s(k) / degree;
     for (int j = 0; j < degree; ++j, ++pos) {
       curve->row(pos + 1) = curve->row(pos) + pos_step * curve->row(vel);
       if (j == degree - 1) continue;
@@ -231,14 +238,14 @@ bool SplineQp::Impl::load(const SplineProblem& problem) {
   vel_limit = problem.v_max_mps + kSlack;
   const Eigen::Vector3d& origin = problem.start.position;
   faces.clear();
-  for (int k = 0; k < pieces; ++k) {
+  for (std::size_t k = 0; k < problem.corridors.size(); ++k) {
     const Polytope& corridor = problem.corridors[k];
     for (int i = 0; i < corridor.num_faces(); ++i) {
       const Eigen::Vector3d n = corridor.normals.row(i);
       faces.push_back({n.x(), n.y(), n.z(), corridor.offsets(i) - n.dot(origin) + kSlack});
       valid = valid && !std::isnan(n.sum() + faces.back().offset);
     }
-    first_face[k + 1] = static_cast<int>(faces.size());
+    first_face[k + 1] = faces.size();
   }
 
   Eigen::Matrix<double, 4, 3> ends;
@@ -282,8 +289,7 @@ void SplineQp::Impl::evaluate() {
       const Eigen::Array4d px = outputs.col(0).segment<4>(first), py = outputs.col(1).segment<4>(first),
                            pz = outputs.col(2).segment<4>(first);
       Eigen::Array4d most = excess.segment<4>(first);
-      for (int f = first_face[k]; f < first_face[k + 1]; ++f) {
-        const Face& face = faces[f];
+      for (const Face& face : faces_of(k, k)) {
         most = most.max(px * face.x + py * face.y + (pz * face.z - face.offset));
       }
       excess.segment<4>(first) = most;
@@ -317,10 +323,10 @@ bool SplineQp::Impl::worst_row(Row* row) const {
   }
   double most = -kInfinity;
   const int first_piece = (point - 1) / degree, last_piece = std::min(point / degree, pieces - 1);
-  for (int f = first_face[first_piece]; f < first_face[last_piece + 1]; ++f) {
-    const Eigen::Vector3d n(faces[f].x, faces[f].y, faces[f].z);
-    const double violation = n.dot(value) - faces[f].offset;
-    if (violation > most) most = violation, row->normal = n, row->bound = faces[f].offset;
+  for (const Face& face : faces_of(first_piece, last_piece)) {
+    const Eigen::Vector3d n(face.x, face.y, face.z);
+    const double violation = n.dot(value) - face.offset;
+    if (violation > most) most = violation, row->normal = n, row->bound = face.offset;
   }
   return true;
 }
@@ -389,7 +395,7 @@ void SplineQp::Impl::report(const SplineProblem& problem, SplineSolution* soluti
           problem.start.position + outputs.row(num_acc + num_vel + k * degree + j).transpose();
     }
     const auto acc = outputs.middleRows(k * (degree - 2), degree - 1);
-    solution->jerk_integral += root.lazyProduct(acc).squaredNorm() / durations_s[k];
+    solution->jerk_integral += root.lazyProduct(acc).squaredNorm() / duration_s(k);
   }
   solution->max_violation = std::max(0.0, excess.maxCoeff() + kSlack);
 }
@@ -398,7 +404,7 @@ SplineQp::SplineQp(int degree, const std::vector<double>& durations_s) {
   const int pieces = static_cast<int>(durations_s.size());
   if (degree < 3 || degree > kMaxDegree) reject("degree", std::to_string(degree), "in [3, 9]");
   if (pieces < 1 || pieces > kMaxPieces) reject("pieces", std::to_string(pieces), "in [1, 64]");
-  for (int i = 0; i < pieces; ++i) {
+  for (std::size_t i = 0; i < durations_s.size(); ++i) {
     if (std::isfinite(durations_s[i]) && durations_s[i] > 0.0) continue;
     reject("durations_s[" + std::to_string(i) + "]", std::to_string(durations_s[i]), "positive and finite");
   }

@@ -61,7 +61,7 @@ class SpaceTimeHeuristic {
   };
 
   std::size_t column(int step, int x, int y) const {  // a rim of far cells around each step
-    return ((static_cast<std::size_t>(step) * (size_.x() + 2) + x + 1) * (size_.y() + 2) + y + 2) * stride_;
+    return static_cast<std::size_t>((Eigen::Index{step} * (size_.x() + 2) + x + 1) * (size_.y() + 2) + y + 2) * stride_;
   }
   Value straight(int x, int y, int z) const {  // without anything in the way
     return std::max({straight_[0][static_cast<std::size_t>(x)], straight_[1][static_cast<std::size_t>(y)],

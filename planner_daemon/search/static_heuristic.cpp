@@ -46,7 +46,7 @@ bool StaticHeuristic::open_space(const Occupancy& standing, double blocked_m, co
 
 // Sources of the search: cells from which the way to the goal is straight.
 void StaticHeuristic::seed(int x, int y, int w, std::uint64_t bits, const Eigen::Vector3d& goal) {
-  const auto word = static_cast<std::uint32_t>(column(x, y) * static_cast<std::size_t>(words_) + w);
+  const auto word = static_cast<std::uint32_t>(this->word(x, y, w));
   for (bits &= open_[word]; bits != 0; bits &= bits - 1) {
     const int z = 64 * w + std::countr_zero(bits);
     const auto way = [&](int axis, int cell) { return std::abs(goal[axis] - corner_[axis] - cell_m_ * (cell + 0.5)); };
@@ -83,7 +83,7 @@ void StaticHeuristic::spread(const Cells& cells) {
     if (bits == 0) continue;
     for (int nx = std::max(0, x - 1); nx <= std::min(size_.x() - 1, x + 1); ++nx) {
       for (int ny = std::max(0, y - 1); ny <= std::min(size_.y() - 1, y + 1); ++ny) {
-        const std::size_t word = column(nx, ny) * static_cast<std::size_t>(words_) + nw;
+        const std::size_t word = this->word(nx, ny, nw);
         const std::uint64_t added = bits & open_[word];
         if (added == 0) continue;
         if (pending_[word] == 0) next_.push_back(static_cast<std::uint32_t>(word));
@@ -130,7 +130,7 @@ void StaticHeuristic::build(const Occupancy& standing, double blocked_m, const E
     const int w = goal_cell.z() >> 6;
     const std::uint64_t bit = std::uint64_t{1} << (goal_cell.z() & 63);
     // An occupied goal is still where to go.
-    open_[column(goal_cell.x(), goal_cell.y()) * static_cast<std::size_t>(words_) + w] |= bit;
+    open_[word(goal_cell.x(), goal_cell.y(), w)] |= bit;
     seed(goal_cell.x(), goal_cell.y(), w, bit, goal);
   }
   // Beyond the floor and the ceiling the flight space may end.

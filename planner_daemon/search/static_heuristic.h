@@ -53,7 +53,10 @@ class StaticHeuristic {
     std::uint32_t word;  // of open_
     std::uint64_t bits;
   };
-  std::size_t column(int x, int y) const { return static_cast<std::size_t>(x) * size_.y() + y; }
+  std::size_t column(int x, int y) const { return static_cast<std::size_t>(Eigen::Index{x} * size_.y() + y); }
+  std::size_t word(int x, int y, int w) const {
+    return column(x, y) * static_cast<std::size_t>(words_) + static_cast<std::size_t>(w);
+  }
   bool open_space(const Occupancy& standing, double blocked_m, const CellSpan& space);
   void seed(int x, int y, int w, std::uint64_t bits, const Eigen::Vector3d& goal);
   void settle(std::uint32_t word, std::uint64_t bits, int steps);

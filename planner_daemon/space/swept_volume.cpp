@@ -59,7 +59,7 @@ void SweptVolumes::lay_out(const Sogm& sogm) {
   grid_ = sogm.geometry;
   start_utime_ = sogm.start_utime;
   frame_duration_us_ = sogm.frame_duration_us;
-  if (patches_.size() != static_cast<std::size_t>(sogm.num_frames)) patches_.resize(sogm.num_frames);
+  patches_.resize(static_cast<std::size_t>(sogm.num_frames));
   for (auto& patches : patches_) patches.clear();
   words_.clear();
 }

@@ -32,25 +32,24 @@ sogm_swarm::trajectory_t Trajectory::to_wire() const {
   wire.start_utime = start_utime_;
   wire.piece_us = piece_us_;
   wire.num_pieces = static_cast<std::int16_t>(num_pieces_);
-  for (int i = 0; i <= num_pieces_; ++i) std::copy(knots_[i].begin(), knots_[i].end(), wire.knots[i]);
+  for (std::size_t i = 0; i <= static_cast<std::size_t>(num_pieces_); ++i)
+    std::copy(knots_[i].begin(), knots_[i].end(), wire.knots[i]);
   return wire;
 }
 
 void Trajectory::set_knot(int i, const MotionState& state) {
-  for (int axis = 0; axis < 3; ++axis) {
-    knots_[i][axis] = static_cast<float>(state.position[axis]);
-    knots_[i][3 + axis] = static_cast<float>(state.velocity[axis]);
-    knots_[i][6 + axis] = static_cast<float>(state.acceleration[axis]);
-  }
+  Eigen::Map<Eigen::Matrix<float, 3, 3>> knot(knots_[static_cast<std::size_t>(i)].data());  // columns: p, v, a
+  knot.col(0) = state.position.cast<float>();
+  knot.col(1) = state.velocity.cast<float>();
+  knot.col(2) = state.acceleration.cast<float>();
 }
 
 MotionState Trajectory::knot(int i) const {
+  const Eigen::Map<const Eigen::Matrix<float, 3, 3>> knot(knots_[static_cast<std::size_t>(i)].data());
   MotionState state;
-  for (int axis = 0; axis < 3; ++axis) {
-    state.position[axis] = knots_[i][axis];
-    state.velocity[axis] = knots_[i][3 + axis];
-    state.acceleration[axis] = knots_[i][6 + axis];
-  }
+  state.position = knot.col(0).cast<double>();
+  state.velocity = knot.col(1).cast<double>();
+  state.acceleration = knot.col(2).cast<double>();
   return state;
 }
 
