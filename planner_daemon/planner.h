@@ -36,7 +36,8 @@ struct PlanRequest {
 enum class PlanOutcome {
   kSmooth,  // the optimised trajectory
   kRaw,     // the search's own path: smoothing was not possible or not safe
-  kUnsafe,  // nothing free: the motion that comes least near, in pieces of half the duration or as already flown
+  kUnsafe,  // nothing free: the searched path as far as it goes, an escape in pieces of half the duration, or the own
+            // motion
 };
 const char* to_string(PlanOutcome outcome);
 
@@ -59,7 +60,7 @@ struct Candidate {
   enum class Kind {
     kSmooth,   // the optimised trajectory
     kRaw,      // the search's own path
-    kBlocked,  // the same, but it is not free all the way
+    kBlocked,  // the same, but it is not free all the way, or passes the limits
     kEscape,   // what violates least, in pieces of half the duration
     kOwn,      // the motion already flown
   };

@@ -17,10 +17,11 @@ using sogm_swarm::planner_status_t;
 
 constexpr std::int64_t kMaxAge_us = 1'000'000;
 constexpr std::int64_t kStatusPeriod_us = 1'000'000;
-constexpr std::int64_t kSilent_us = 500'000;     // a peer that was not heard for so long may have to step aside unseen
-constexpr std::int64_t kUrgent_us = 1'000'000;   // before an obstacle comes, a plan must begin to get out of its way
-constexpr std::int64_t kGetAway_us = 600'000;    // and can begin at the latest
-constexpr std::int64_t kLastMoment_us = 10'000;  // so long before it begins, the broadcaster commits what is urgent
+constexpr std::int64_t kSilent_us = 500'000;      // a peer that was not heard for so long may have to step aside unseen
+constexpr std::int64_t kUrgent_us = 1'000'000;    // before an obstacle comes, a plan must begin to get out of its way
+constexpr std::int64_t kMaxAhead_us = 2'000'000;  // no plan of ours begins later
+constexpr std::int64_t kGetAway_us = 600'000;     // and can begin at the latest
+constexpr std::int64_t kLastMoment_us = 10'000;   // so long before it begins, the broadcaster commits what is urgent
 constexpr double kApart_m = 0.5, kArrived_m = 0.1;
 constexpr std::int64_t kNever = std::numeric_limits<std::int64_t>::max();
 
@@ -188,6 +189,17 @@ Refusal PlannerNode::on_goal(std::span<const std::uint8_t> bytes) {
   return Refusal::kNone;
 }
 
+// All moves when it did; by which clock that is told anew.
+bool PlannerNode::on_clock_step(std::int64_t, std::int64_t step_us) {
+  const auto shift = [step_us](Motion& motion, Trajectory& pending) {
+    for (Trajectory* known : {&motion.committed, &motion.next, &pending}) known->shift(step_us);
+  };
+  if (own_) shift(*own_, pending_);
+  for (Peer& peer : peer_list_) shift(peer.motion, peer.pending);
+  for (auto& [id, entry] : peers_) entry.heard_us += step_us;
+  return true;
+}
+
 std::int64_t PlannerNode::step(std::int64_t now_us, Outbox& outbox) {
   const bool has_map = map_.num_frames > 0;
   // After the clock was set back, the map may be of the future.
@@ -203,8 +215,8 @@ std::int64_t PlannerNode::step(std::int64_t now_us, Outbox& outbox) {
     }
     // But not for a patient one while an obstacle comes.
     const bool is_patient = own_->next.empty() && !pending_.empty() && pending_.start_utime() != urgent_start_us_;
-    if (now_us < due && is_patient && touch_utime(now_us, pending_.start_utime() + kUrgent_us) != kNever)
-      due = period_due;
+    const std::int64_t coming_us = std::min(pending_.start_utime(), now_us + kMaxAhead_us);
+    if (now_us < due && is_patient && touch_utime(now_us, coming_us + kUrgent_us) != kNever) due = period_due;
     if (now_us < due) {
       wake = std::min(wake, due);
     } else {

@@ -41,6 +41,7 @@ class PlannerNode : public Node {
   void on_message(std::int64_t now_us, BusId bus, std::string_view channel, std::span<const std::uint8_t> bytes,
                   Outbox& outbox) override;
   std::int64_t step(std::int64_t now_us, Outbox& outbox) override;
+  bool on_clock_step(std::int64_t now_us, std::int64_t step_us) override;
 
   const PlanResult& newest_plan() const { return newest_ != nullptr ? *newest_ : no_plan_; }
   const PlanRequest& newest_request() const { return request_; }  // what it was made for; only right after the plan

@@ -22,7 +22,7 @@ std::int64_t wall_utime() {
   return read_us(CLOCK_REALTIME);
 }
 
-std::int64_t steady_utime() {
+std::int64_t steady_us() {
   return read_us(CLOCK_BOOTTIME);
 }
 
@@ -30,9 +30,9 @@ ClockReading read_clocks() {
   constexpr std::int64_t kSame_us = 100;
   constexpr int kTries = 5;
   ClockReading best;
-  std::int64_t least_us = std::numeric_limits<std::int64_t>::max(), before_us = steady_utime();
+  std::int64_t least_us = std::numeric_limits<std::int64_t>::max(), before_us = steady_us();
   for (int i = 0; i < kTries && least_us > kSame_us; ++i) {
-    const std::int64_t wall_us = wall_utime(), after_us = steady_utime();
+    const std::int64_t wall_us = wall_utime(), after_us = steady_us();
     if (after_us - before_us < least_us) best = {before_us + (after_us - before_us) / 2, wall_us};
     least_us = std::min(least_us, after_us - before_us);
     before_us = after_us;

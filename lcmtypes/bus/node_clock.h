@@ -9,7 +9,7 @@ namespace swarm {
 std::int64_t wall_utime();
 
 // Microseconds since the computer was started, sleep included; nobody sets this one.
-std::int64_t steady_utime();
+std::int64_t steady_us();
 
 // Both at the same time, within 0.1 ms if that can be had: whoever is interrupted between the two reads them again.
 struct ClockReading {

@@ -68,6 +68,7 @@ class RealtimeHost::Seat : public Outbox {
       if (!bus) throw std::invalid_argument(name_ + " listens to " + subscription.channel + " on a bus without URL");
       bus->subscribe(subscription.channel, [this, id](std::string_view channel, std::span<const std::uint8_t> bytes) {
         if (config_.source == TimeSource::kMessages) follow(bytes);
+        watch_clock();
         node_.on_message(now(), id, channel, bytes, *this);
       });
       channels[static_cast<std::size_t>(id)] += " " + subscription.channel;
@@ -149,11 +150,11 @@ class RealtimeHost::Seat : public Outbox {
     std::uint64_t utime = 0;
     for (std::size_t i = 0; i < 8; ++i) utime = utime << 8 | bytes[kUtimeAt + i];
     if (utime > kMaxUtime) return;
-    const std::int64_t offset = static_cast<std::int64_t>(utime) - wall_utime();
+    const std::int64_t offset = static_cast<std::int64_t>(utime) - config_.read().wall_us;
     if (std::abs(offset - replay_offset_us_) > kClockJump.count()) replay_offset_us_ = offset;
   }
 
-  // Time stamps of before and after a jump do not go together, which the nodes' time checks will notice: say why.
+  // Tells the node of steps of the wall clock, and takes them when it agrees.
   void watch_clock() {
     const std::int64_t now_us = now(), step_us = clock_.step_us();
     const bool was_stepped = std::exchange(is_stepped_, step_us != 0);

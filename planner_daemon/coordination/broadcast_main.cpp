@@ -19,7 +19,10 @@ int main(int argc, char** argv) {
         verify(config);
         const auto boot = static_cast<std::int32_t>(swarm::wall_utime() / 1'000'000);
         if (config.state_dir.empty()) {
-          spdlog::warn("no --state-dir: what was promised does not survive a crash of this daemon");
+          spdlog::warn(
+              "no --state-dir: what was promised does not survive a crash of this daemon, and nobody believes it any "
+              "more "
+              "after a crash with a clock that was set back");
           store = std::make_unique<swarm::MemoryPromiseStore>();
         } else {
           std::filesystem::create_directories(config.state_dir);

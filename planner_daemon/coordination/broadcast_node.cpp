@@ -18,8 +18,9 @@ constexpr std::int64_t kMaxAge_us = 1'000'000;  // of messages from peers and pl
 constexpr std::int64_t kMaxBranchAhead_us = 2'000'000;
 constexpr std::int64_t kStatusPeriod_us = 1'000'000;
 constexpr std::int64_t kClockDoubt_us = 1'000'000, kMaxMotion_us = 10'000'000;
-constexpr std::int64_t kLively_us = 300'000;  // after news
-constexpr double kResume_m = 0.5;             // a kept motion is gone on with where the robot is so close to it
+constexpr std::int64_t kLively_us = 300'000;   // after news
+constexpr std::int64_t kMostLost = 1'000'000;  // that are counted, of a peer: the sum of all fits its field
+constexpr double kResume_m = 0.5;              // a kept motion is gone on with where the robot is so close to it
 
 std::int64_t to_us(double seconds) {
   return std::llround(seconds * 1e6);
@@ -112,7 +113,11 @@ Refusal BroadcastNode::on_state(std::int64_t now_us, std::span<const std::uint8_
   if (motion()) return Refusal::kNone;
   const Eigen::Vector3d position(state.position);
   Motion first = kept_.motion.value_or(Motion{Trajectory::hover(1, now_us, position), {}});
-  if ((first.at(now_us).position - position).norm() > kResume_m) {  // it has been carried, or has lost its way
+  // Kept in another time, for the clock was set back since: it would be flown again. The last node's clock may have
+  // been a little ahead.
+  const bool is_of_another_time = kept_.utime > now_us + to_us(config_.clock_limit_s);
+  // Or the robot has been carried, or has lost its way.
+  if (is_of_another_time || (first.at(now_us).position - position).norm() > kResume_m) {
     first = {Trajectory::hover(first.seq() + 1, now_us, position), {}};
   }
   protocol_.start(first, kept_.forced_seq);
@@ -175,7 +180,7 @@ Refusal BroadcastNode::on_peer(std::int64_t now_us, std::span<const std::uint8_t
   Link& link = links_.at(id);
   if (!protocol_.receive(now_us, message)) return Refusal::kRobot;
   if (link.boot == message.header.boot) {
-    link.lost += static_cast<std::int32_t>(std::min<std::int64_t>(message.header.seq - link.seq - 1, 1'000'000));
+    link.lost = static_cast<std::int32_t>(std::min(link.lost + message.header.seq - link.seq - 1, kMostLost));
   }
   link.heard_us = now_us;
   link.clock.heard(now_us, message.header.utime);
@@ -200,6 +205,7 @@ void BroadcastNode::doubt_clock_of(int id, std::int64_t now_us) {
 }
 
 bool BroadcastNode::on_clock_step(std::int64_t now_us, std::int64_t step_us) {
+  clock_is_stepped_ = step_us != 0;  // from here on nothing is committed
   advance(now_us);
   const bool rests = !motion() || motion()->end_utime() <= now_us;
   clock_is_stepped_ = step_us != 0 && !rests;
@@ -209,8 +215,9 @@ bool BroadcastNode::on_clock_step(std::int64_t now_us, std::int64_t step_us) {
     link.clock = ClockOffset();
     link.heard_us += step_us;
   }
-  clock_doubt_until_us_ = then_us + kClockDoubt_us;
-  protocol_.set_clock(then_us);
+  // As long as it takes to measure the clocks anew, and as peers may fly on by theirs.
+  clock_doubt_until_us_ = then_us + (links_.empty() ? kClockDoubt_us : kMaxMotion_us);
+  protocol_.set_clock(then_us, step_us);
   if (motion()) store_fails_ = !keep(then_us, protocol_.state());
   return true;
 }

@@ -49,7 +49,11 @@ void CommitProtocol::start(const Motion& motion, std::int32_t forced_seq) {
   news_ = true;
 }
 
-void CommitProtocol::set_clock(std::int64_t now_us) {
+void CommitProtocol::set_clock(std::int64_t now_us, std::int64_t step_us) {
+  for (auto& [id, peer] : peers_) {
+    for (Trajectory* known : {&peer.motion.committed, &peer.motion.next, &peer.pending}) known->shift(step_us);
+    peer.hears_us = false;
+  }
   if (!pending_.empty()) withdraw();
   if (!motion_ || motion_->end_utime() <= now_us) return;
   motion_ = Motion{Trajectory::hover(next_seq_++, now_us, motion_->at(motion_->end_utime()).position), {}};

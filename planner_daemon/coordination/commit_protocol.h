@@ -95,9 +95,11 @@ class CommitProtocol {
   const Trajectory& pending() const { return pending_; }  // waits for acknowledgements; may be empty
   const std::map<int, Peer>& peers() const { return peers_; }
   bool all_hear() const;  // and were heard
-  // The own clock is set to `now_us`, while the robot rests: what it announces is withdrawn, and where what it has
-  // flown ends in the future now, it is bound to hover there. That asks nobody, but it is what it does.
-  void set_clock(std::int64_t now_us);
+  // The own clock is set, by `step_us` to `now_us`, while the robot rests: what is pending is withdrawn, and where what
+  // it has flown ends in the future now, it is bound to hover there. That asks nobody, but it is what it does. Peers
+  // move when they did, by the new clock; nothing is committed before each was heard again, as after a restart (rule
+  // 5).
+  void set_clock(std::int64_t now_us, std::int64_t step_us);
 
   // Announces a candidate that leaves the committed motion in the future. kNone, kNoCommitted, kWaiting or kClock (not
   // when it is urgent), kBusy or kConflict. One that still waits is withdrawn.

@@ -10,7 +10,8 @@ namespace {
 
 constexpr int kLeadOn = 5;  // manoeuvres of the first phase that a second one follows
 constexpr std::int64_t kViolationStep_us = 10'000;
-constexpr double kStrayCost = 1e6;  // of leaving the flight space: worse than any collision
+constexpr double kStrayCost = 1e6;    // of leaving the flight space: worse than any collision
+constexpr double kRounding_m = 1e-3;  // of what is carried in floats
 
 }  // namespace
 
@@ -37,7 +38,7 @@ double EscapeSearch::brake_violation(const SearchNode& node, SearchPath* path) c
   return violation;
 }
 
-// All manoeuvres of one phase; from the best of them, all of another.
+// All manoeuvres of one phase; from the best of them, as far as the budget goes, all of another.
 void EscapeSearch::find(const SearchProblem& problem, SearchResult* result) {
   context_.set(problem);
   context_.problem.fine = false;
@@ -72,10 +73,18 @@ void EscapeSearch::find(const SearchProblem& problem, SearchResult* result) {
 double EscapeSearch::violation_cost(const Motion& motion) const {
   double cost = 0.0;
   const Sogm& map = context_.problem.space->grid();
+  const SearchLimits& limits = context_.limits;
+  Eigen::Vector3d before = motion.at(context_.problem.start_utime).position;
   for (std::int64_t t = context_.problem.start_utime; t < context_.hover_until_utime; t += kViolationStep_us) {
-    const auto severity = context_.problem.space->severity_at(motion.at(t).position, map.frame_at(t));
+    const Eigen::Vector3d position = motion.at(t).position;
+    const auto severity = context_.problem.space->severity_at(position, map.frame_at(t));
     if (severity)
       cost += context_.blocked_cost(1e-6 * static_cast<double>(t - context_.problem.start_utime), *severity);
+    // As in the search: whoever is outside may only come back.
+    const Eigen::Array3d below = limits.space_min - position, above = position - limits.space_max;
+    const Eigen::Array3d moved = position - before;
+    if ((below > kRounding_m && moved < 0.0).any() || (above > kRounding_m && moved > 0.0).any()) return kStrayCost;
+    before = position;
   }
   return cost * 1e-6 * kViolationStep_us;
 }

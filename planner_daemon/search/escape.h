@@ -10,7 +10,7 @@
 
 namespace swarm {
 
-// Looks at all manoeuvres of two phases, not at a tree that drops nodes alike: one that brakes is alike after 0.1 s.
+// Looks at manoeuvres of two phases, not at a tree that drops nodes alike: one that brakes is alike after 0.1 s.
 class EscapeSearch {
  public:
   // Throws what KinodynamicSearch throws.
@@ -19,11 +19,12 @@ class EscapeSearch {
   EscapeSearch& operator=(const EscapeSearch&) = delete;
 
   // In each phase an acceleration is held for some primitives, then the robot brakes; the least cost and violation,
-  // counted to the end of the map, wins. Slow nodes do not manoeuvre finely, whatever the problem says.
+  // counted to the end of the map, wins. As many as the budget allows: all of one phase, then those of a second one
+  // after the best of the first. Slow nodes do not manoeuvre finely, whatever the problem says.
   void find(const SearchProblem& problem, SearchResult* result);
 
   // Of the problem last searched: what a motion costs from the start to the end of horizon and map by passing blocked
-  // space; weighed by how deep and how soon.
+  // space, weighed by how deep and how soon; or by leaving the flight space, which is worse than anything.
   double violation_cost(const Motion& motion) const;
 
  private:

@@ -14,7 +14,8 @@
 namespace swarm {
 
 // A primitive is checked for collisions at so many samples that nothing moves farther than a voxel along an axis
-// between two of them; in blocks, of which there are few.
+// between two of them; in blocks, of which there are few. Above 16 m/s (at 0.1 m and 0.2 s) they lie farther apart, and
+// only the check of the whole trajectory looks closely enough.
 inline constexpr int kBlockSamples = 8, kMaxBlocks = 4, kMaxSamples = kBlockSamples * kMaxBlocks;
 
 // Where the samples of a primitive lie along one axis of a map.

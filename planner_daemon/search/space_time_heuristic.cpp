@@ -73,6 +73,7 @@ void SpaceTimeHeuristic::build(const Occupancy& occupancy, double blocked_m, con
   limit_space(space_min.z(), space_max.z(), grid);
   dilator_.set(grid, blocked_m);
   const int first = std::max(0, step_at(reachable.utime) - 1);
+  std::fill_n(boxes_.begin(), first, Box());  // nothing is known of what is over
   for (int step = first; step <= num_steps_; ++step)
     boxes_[static_cast<std::size_t>(step)] = reachable_cells(reachable, step);
   finish(static_heuristic);

@@ -1,7 +1,7 @@
 // The space-time heuristic: the cost to go among what moves, that is how much longer the way to the goal takes than the
 // straight one, from every cell of the window at every step of time, for a point that turns at once but is never faster
 // than the robot. The search's heuristic knows by it where the gaps will be, which the paper names as its weakness
-// (section VI: deadlock for want of static_heuristic).
+// (section VI: deadlock for want of guidance).
 #pragma once
 
 #include <Eigen/Core>

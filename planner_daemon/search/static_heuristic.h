@@ -1,6 +1,5 @@
-// StaticHeuristic around what stands still: lower bounds of the time to the goal that know walls, so that the search
-// does not run into dead ends between the robot and its goal (the paper names the want of static_heuristic as its
-// weakness, section VI).
+// The static heuristic: lower bounds of the time to the goal around what stands still, so that the search does not run
+// into dead ends between the robot and its goal (the paper names the want of guidance as its weakness, section VI).
 #pragma once
 
 #include <Eigen/Core>

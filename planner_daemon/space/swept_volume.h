@@ -19,9 +19,8 @@ class SweptVolumes {
 
   // Adds the voxels whose centre comes within `radius_m` of the motion during a frame's interval, hover tail included,
   // though it may come earlier or later by up to `clock_error_us` >= 0; in frame i at least those in columns bounds[i]
-  // of the window. Conservative: each span of the curve is covered by
-  // its chord, widened by how far its control points lie from the chord, so the hull of the span and with it the curve
-  // is inside.
+  // of the window. Conservative: each span of the curve is covered by its chord, widened by how far its control points
+  // lie from the chord, so the hull of the span and with it the curve is inside.
   void add(const Motion& motion, double radius_m, std::int64_t clock_error_us, std::span<const Columns> bounds);
 
   // Appends what a frame holds within `columns`. Valid until the next add().

@@ -29,12 +29,12 @@ static_assert(static_cast<int>(Shape::Kind::kColumn) == sogm_swarm::obstacle_t::
 
 }  // namespace
 
-EnvironmentNode::EnvironmentNode(Simulation& simulation, std::size_t index, double sensor_rate_hz)
+EnvironmentNode::EnvironmentNode(Simulation& simulation, std::size_t index, double sensor_rate_hz, std::int32_t boot)
     : simulation_(simulation),
       index_(index),
       sensor_period_us_(std::llround(1e6 / sensor_rate_hz)),
       last_tick_us_(simulation.now_us()),
-      state_headers_(simulation.world().robots[index].id, 0),
+      state_headers_(simulation.world().robots[index].id, boot),
       obstacle_headers_(state_headers_),
       goal_headers_(state_headers_) {}
 

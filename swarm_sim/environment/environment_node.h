@@ -18,7 +18,8 @@ class EnvironmentNode : public Node {
 
   // Of robot `index` in the world's order; obstacles are detected at `sensor_rate_hz` > 0. `simulation` is shared by
   // all robots and must outlive the node. The node's clock is the simulation's; what it sends carries the robot's.
-  EnvironmentNode(Simulation& simulation, std::size_t index, double sensor_rate_hz);
+  // `boot` grows at every start, where others have heard an earlier one (see HeaderSource).
+  EnvironmentNode(Simulation& simulation, std::size_t index, double sensor_rate_hz, std::int32_t boot = 0);
 
   std::vector<Subscription> subscriptions() const override;
   void on_message(std::int64_t now_us, BusId bus, std::string_view channel, std::span<const std::uint8_t> bytes,

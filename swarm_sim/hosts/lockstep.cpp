@@ -90,22 +90,19 @@ class Daemon : public Node {
   int done_ = 0;
 };
 
-std::int32_t boot(std::int64_t now_us) {
-  return static_cast<std::int32_t>(now_us / 1'000'000);
-}
-
-// In the order of kDaemons. What is referred to must outlive the nodes.
+// In the order of kDaemons; each start of a daemon has a higher boot than the one before. What is referred to must
+// outlive the nodes.
 std::array<LockstepHost::NodeFactory, kDaemons.size()> daemons_of(const World& world, const WorldRobot& robot,
                                                                   const FlightOptions& options, PromiseStore& promises,
                                                                   RobotWork& work) {
-  return {[&, config = map_config(world, robot, options)](std::int64_t now_us) {
-            return std::make_unique<Daemon<MapNode>>(work, config, boot(now_us), steady_ns, false);
+  return {[&, config = map_config(world, robot, options), boot = 0](std::int64_t) mutable {
+            return std::make_unique<Daemon<MapNode>>(work, config, ++boot, steady_ns, false);
           },
-          [&, config = planner_config(world, robot, options)](std::int64_t now_us) {
-            return std::make_unique<Daemon<PlannerNode>>(work, config, boot(now_us), steady_ns, false);
+          [&, config = planner_config(world, robot, options), boot = 0](std::int64_t) mutable {
+            return std::make_unique<Daemon<PlannerNode>>(work, config, ++boot, steady_ns, false);
           },
-          [&, config = broadcast_config(world, robot, options)](std::int64_t now_us) {
-            return std::make_unique<Daemon<BroadcastNode>>(work, config, promises, boot(now_us));
+          [&, config = broadcast_config(world, robot, options), boot = 0](std::int64_t) mutable {
+            return std::make_unique<Daemon<BroadcastNode>>(work, config, promises, ++boot);
           }};
 }
 

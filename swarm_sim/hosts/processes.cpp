@@ -9,6 +9,7 @@
 #include <optional>
 #include <sstream>
 
+#include "lcmtypes/bus/boot.h"
 #include "lcmtypes/bus/channels.h"
 #include "lcmtypes/bus/lcm_bus.h"
 #include "lcmtypes/bus/realtime_host.h"
@@ -238,6 +239,7 @@ RunReport run_processes(const World& world, const OccupiedCubes* static_map, con
   BusRecorder recorder(logs);
   const std::vector<RobotPlace> places = places_of(world, processes, relayed);
   const std::vector<std::int64_t> clocks_us = clock_offsets_us(options.clock_offset_ms, world);
+  const std::int32_t boot = new_boot();
   std::deque<EnvironmentNode> environments;
   std::deque<RobotWatch> watches;
   std::vector<DaemonProgram> daemons;
@@ -249,7 +251,7 @@ RunReport run_processes(const World& world, const OccupiedCubes* static_map, con
     const InNamespace there(place.netns);
     host.add(name, watches.emplace_back(robot.id, place.share, recorder), place.onboard_url,
              place.share == SwarmShare::kNone ? "" : place.swarm_url);
-    host.add("environment of " + name, environments.emplace_back(simulation, i, options.sensor_rate_hz),
+    host.add("environment of " + name, environments.emplace_back(simulation, i, options.sensor_rate_hz, boot),
              place.onboard_url, "");
     if (relayed) host.add("relay of " + name, relay.add_robot(robot.id), "", place.swarm_url);
     if (!processes.start_daemons) continue;

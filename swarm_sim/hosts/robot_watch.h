@@ -29,7 +29,8 @@ class RobotWatch : public Node {
   // Now the flight begins: whatever the daemons counted before is not the flight's.
   void mark_start();
 
-  // Counts of the flight so far; the verdict is for others to fill in.
+  // Counts of the flight so far; the verdict is for others to fill in. What was refused is what the daemons that live
+  // have counted since they began.
   RobotReport counts() const;
   const PlanningSamples& step_ms() const { return step_ms_; }
   std::int32_t lost() const { return broadcast_.lost; }  // announcements of peers

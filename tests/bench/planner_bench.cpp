@@ -158,7 +158,7 @@ class Flights {
 };
 
 // All steps on one set of recorded requests. Every call comes after a whole plan, so that caches are as cold as in
-// flight. The requests lie so far apart that each plan makes its static_heuristic anew, which in flight every fifth
+// flight. The requests lie so far apart that each plan makes its heuristics anew, which in flight every fifth
 // does.
 class Bench {
  public:

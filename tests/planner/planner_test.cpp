@@ -115,7 +115,14 @@ void check_plan(const PlanResult& result, const PlanRequest& request, const Plan
     ASSERT_LE(state.acceleration.cwiseAbs().maxCoeff(), 1.006 * config.limits.a_max_mps2) << t - plan.start_utime();
   }
   ASSERT_TRUE(result.search_status != SearchStatus::kPartial || result.outcome == PlanOutcome::kUnsafe);
-  if (result.outcome == PlanOutcome::kUnsafe || !result.fly) return;
+  if (!result.fly) return;
+  for (std::int64_t t = plan.start_utime(); t <= plan.end_utime(); t += 5000) {  // safe or not
+    const Vector3d position = plan.at(t).position;
+    ASSERT_TRUE((position.array() > config.limits.space_min.array() - 2e-3).all() &&
+                (position.array() < config.limits.space_max.array() + 2e-3).all())
+        << t - plan.start_utime() << " us after the start: " << position.transpose();
+  }
+  if (result.outcome == PlanOutcome::kUnsafe) return;
 
   const Sogm occupied = compose_independently(request);
   const GridGeometry& grid = occupied.geometry;
@@ -241,9 +248,9 @@ TEST(PlannerTest, LetsAMovingColumnPass) {
   }
 }
 
-// A column that goes away might turn: where it just was is given a wide berth.
-TEST(PlannerTest, KeepsOutOfWakes) {
-  const auto samples_in_wake = [](double recently_occupied_s) {
+// A column that goes away might turn: where it just was is given a wide margin.
+TEST(PlannerTest, KeepsOutOfWhatWasRecentlyOccupied) {
+  const auto samples_there = [](double recently_occupied_s) {
     PlannerConfig config = flat_config();
     config.space.recently_occupied_s = recently_occupied_s;
     Planner planner(config);
@@ -262,9 +269,9 @@ TEST(PlannerTest, KeepsOutOfWakes) {
     }
     return samples;
   };
-  const int without = samples_in_wake(0.0);
+  const int without = samples_there(0.0);
   EXPECT_GT(without, 10);
-  EXPECT_LT(samples_in_wake(0.8), without / 3);
+  EXPECT_LT(samples_there(0.8), without / 3);
 }
 
 TEST(PlannerTest, StopsBesideAnOccupiedGoal) {
@@ -387,16 +394,17 @@ TEST(PlannerTest, StuckItKeepsAnEarlierPlanThatEndsNearerToTheGoal) {
 }
 
 // A wall appears before the goal: the way around it is known at once for another goal, otherwise a quarter of a second
-// after the static_heuristic was made.
+// after the static heuristic was made.
 TEST(PlannerTest, StaticHeuristicServesPlansForAWhile) {
   Planner planner(flat_config());
   const auto detour_s = [&](std::int64_t utime, bool walled, const Vector3d& goal) {
     Sogm sogm = map_at(utime);
     if (walled) mark_box(&sogm, {3.0, -2.0, -9}, {3.4, 2.0, 9});
     planner.plan(make_request(sogm, hovering({0.03, 0.03, 0.02}), goal));
-    const SpaceTimeHeuristic& to_go = *planner.search_problem().heuristic;
-    const int last = to_go.num_steps();
-    return to_go.delay_s(last, to_go.cell_of(last, 0, 2.3), to_go.cell_of(last, 1, 0.1), to_go.cell_of(last, 2, 0.1));
+    const SpaceTimeHeuristic& delays = *planner.search_problem().heuristic;
+    const int last = delays.num_steps();
+    return delays.delay_s(last, delays.cell_of(last, 0, 2.3), delays.cell_of(last, 1, 0.1),
+                          delays.cell_of(last, 2, 0.1));
   };
   const Vector3d goal(4.5, 0.1, 0.1);
   EXPECT_EQ(detour_s(kStart, false, goal), 0.0);
@@ -432,7 +440,8 @@ TEST(PlannerTest, AStuckSearchTakesFinerStepsInTurns) {
   EXPECT_FALSE(takes_finer_steps(false));
 }
 
-// A wall appears in front of the robot: the cost to go knows of it in the maps themselves, but serves for two of them.
+// A wall appears in front of the robot: the space-time heuristic knows of it in the maps themselves, but serves for two
+// of them.
 TEST(PlannerTest, SpaceTimeHeuristicServesTheNextMap) {
   Planner planner(flat_config());
   const Vector3d start(0.03, 0.03, 0.02);
@@ -440,9 +449,9 @@ TEST(PlannerTest, SpaceTimeHeuristicServesTheNextMap) {
     Sogm sogm = map_at(utime);
     if (walled) mark_box(&sogm, {0.9, -2.0, -9}, {1.3, 2.0, 9});
     planner.plan(make_request(sogm, hovering(start), goal));
-    const SpaceTimeHeuristic& to_go = *planner.search_problem().heuristic;
-    return to_go.delay_s(0, to_go.cell_of(0, 0, start.x()), to_go.cell_of(0, 1, start.y()),
-                         to_go.cell_of(0, 2, start.z()));
+    const SpaceTimeHeuristic& delays = *planner.search_problem().heuristic;
+    return delays.delay_s(0, delays.cell_of(0, 0, start.x()), delays.cell_of(0, 1, start.y()),
+                          delays.cell_of(0, 2, start.z()));
   };
   const Vector3d goal(4.5, 0.1, 0.1);
   EXPECT_EQ(delay_s(kStart, false, goal), 0.0);
@@ -599,6 +608,31 @@ TEST(PlannerTest, SmoothTrajectoriesKeepTheLimitsFromAnyStart) {
   }
   EXPECT_GT(smooth, 10);
   EXPECT_GT(other, 2);
+}
+
+// A slab comes down upon the robot: it is not evaded through the floor.
+TEST(PlannerTest, NothingDrivesTheRobotOutOfTheFlightSpace) {
+  Rng rng(1);
+  PlannerConfig config;
+  config.limits.space_min = {-8, -8, 0.2};
+  config.limits.space_max = {8, 8, 3.8};
+  Planner planner(config);
+  int without_way_out = 0;
+  for (int trial = 0; trial < 400; ++trial) {
+    Sogm sogm = empty_map({6, 6, 4}, 0.1, 20, kStart, 100'000);
+    sogm.geometry.origin.z() = 0;
+    const double speed = uniform(rng, 0.5, 3.0), height = uniform(rng, 1.2, 2.8);
+    for (int frame = 0; frame < sogm.num_frames; ++frame) {
+      const double bottom = std::max(height - speed * 0.1 * (frame + 1), uniform(rng, 0.3, 0.9));
+      mark_box(&sogm, {-9, -9, bottom}, {9, 9, 9}, frame, frame);
+    }
+    const PlanRequest request = make_request(sogm, hovering({0, 0, uniform(rng, 0.3, 1.0)}), {3, 0, 1});
+    const PlanResult& result = planner.plan(request);
+    without_way_out += result.search_status == SearchStatus::kPartial;
+    SCOPED_TRACE(testing::Message() << "trial " << trial << ": " << describe(request, result));
+    ASSERT_NO_FATAL_FAILURE(check_plan(result, request, config));
+  }
+  EXPECT_GT(without_way_out, 100);
 }
 
 TEST(PlannerTest, TimesItsStepsWithTheStopwatchOnly) {

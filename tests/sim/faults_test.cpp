@@ -28,7 +28,8 @@ TEST(Faults, KillsAreRead) {
 TEST(Faults, KillsThatMakeNoSenseAreRefused) {
   for (const char* text :
        {"planner", "planner:1", "planner@1", "planner:1@", "plan:1@2", "planner:x@2", "planner:1@2-1", "planner:1@2-2",
-        "planner:1@-2", "planner:1@1-2-3", "planner:1@2,", "planner:1@2@3", "planner:1:2@3", "planner:1@nan"}) {
+        "planner:1@-2", "planner:1@1-2-3", "planner:1@2,", "planner:1@2@3", "planner:1:2@3", "planner:1@nan",
+        "map:1@3-6,map:1@4-5", "map:1@3,map:1@3"}) {
     SCOPED_TRACE(text);
     EXPECT_THROW((void)parse_kills(text), OptionError);
   }

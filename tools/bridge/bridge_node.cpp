@@ -230,7 +230,15 @@ std::int64_t BridgeNode::step(std::int64_t now_us, Outbox&) {
 bool BridgeNode::on_clock_step(std::int64_t now_us, std::int64_t step_us) {
   follow_clock(now_us);
   const bool is_led = report_.led_by == LedBy::kSetpoints || report_.led_by == LedBy::kTrajectory;
-  if (step_us != 0 && is_led && motion_ && motion_->end_utime() > now_us) return false;
+  // What the broadcast daemon has just committed may still be on its way here.
+  if (step_us == 0 || !is_led) {
+    asked_us_.reset();
+  } else if (!asked_us_) {
+    asked_us_ = now_us;
+  }
+  const bool moves = motion_ && motion_->end_utime() > now_us;
+  if (asked_us_ && (moves || now_us < *asked_us_ + kSetpointTimeout_us)) return false;
+  asked_us_.reset();
   shift_times(step_us);
   return true;
 }
@@ -245,7 +253,7 @@ void BridgeNode::follow_clock(std::int64_t now_us) {
 void BridgeNode::shift_times(std::int64_t later_us) {
   for (std::int64_t* const time : {&now_us_, &setpoint_heard_us_, &announcement_heard_us_, &sent_utime_})
     *time += later_us;
-  for (auto* const time : {&report_.heartbeat_us, &attitude_us_, &start_us_})
+  for (auto* const time : {&report_.heartbeat_us, &attitude_us_, &start_us_, &asked_us_})
     if (*time) **time += later_us;
   if (motion_) motion_->committed.shift(later_us), motion_->next.shift(later_us);
 }

@@ -126,6 +126,7 @@ class BridgeNode : public Node {
   BridgeReport report_;
 
   std::optional<std::int64_t> start_us_;
+  std::optional<std::int64_t> asked_us_;  // when it first heard of a step of the clock that it has not taken
   std::int64_t now_us_ = 0;
   std::int64_t setpoint_heard_us_ = 0, announcement_heard_us_ = 0;
   std::int64_t sent_utime_ = 0;            // of the newest target,

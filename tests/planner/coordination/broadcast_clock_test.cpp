@@ -125,6 +125,59 @@ TEST(BroadcastClock, UnaskedItGoesOnAtItsRate) {
   }
 }
 
+// What peers do, they do when they did, and each must be heard again by the new clock: else a robot whose clock is
+// wrong would fly through where a peer is.
+TEST(BroadcastClock, PeersMoveWhenTheyDidAndAreAwaited) {
+  for (const std::int64_t step_us : {5'000'000, -60'000'000}) {
+    SCOPED_TRACE(step_us);
+    CommitProtocol ours({.robot_id = 0, .roster = {0, 1}}), theirs({.robot_id = 1, .roster = {0, 1}});
+    ours.start({Trajectory::hover(1, kStart_us, kHome), {}});
+    Motion flies{Trajectory::hover(1, kStart_us, {3, 0, 1}), {}};
+    flies.next = quintic_to(flies.committed.at(kStart_us), kStart_us + 100'000, {3, 2, 1}, 2.0);
+    theirs.start(flies);
+    std::int64_t seq = 0;
+    const auto say = [&](const CommitProtocol& from, int id, CommitProtocol* to, std::int64_t now_us) {
+      announcement_t message = from.state();
+      message.header = make_header(id, 1, seq++, now_us);
+      ASSERT_TRUE(to->receive(now_us, message));
+    };
+    say(ours, 0, &theirs, kStart_us);
+    say(theirs, 1, &ours, kStart_us);
+    ASSERT_TRUE(ours.all_hear());
+    const Motion before = ours.peers().at(1).motion;
+    const std::int64_t now_us = kStart_us + 1'000'000, then_us = now_us + step_us;
+    ours.set_clock(then_us, step_us);
+    EXPECT_FALSE(ours.all_hear());
+    const Motion& after = ours.peers().at(1).motion;
+    for (std::int64_t t = 0; t < 3'000'000; t += 50'000)
+      EXPECT_EQ(after.at(then_us + t).position, before.at(now_us + t).position);
+    const Trajectory plan = quintic_to(ours.motion()->at(then_us), then_us + 200'000, {1, 0, 1}, 2.0);
+    EXPECT_EQ(ours.propose(then_us, plan), Rejection::kWaiting);
+    say(theirs, 1, &ours, then_us);
+    EXPECT_TRUE(ours.all_hear());
+  }
+}
+
+// A clock that was set back, and then a crash: what was promised has been flown and is not flown again.
+TEST(BroadcastClock, APromiseFromTheFutureIsNotFlownAgain) {
+  Loner robot;
+  robot.run_for(0.2);
+  robot.propose({2, 0, 1});
+  robot.run_for(0.3);
+  const Eigen::Vector3d place = robot.node.motion()->at(robot.now_us).position;
+  ASSERT_LT((place - kHome).norm(), 0.4);  // so near to where the trajectory begins that it might begin again
+  Bench<BroadcastNode> again(Loner::make_config(), robot.promises, 78);
+  again.now_us = robot.now_us - 60'000'000;
+  again.send(channel::kRobotState, state_at(0, place, 0, again.now_us));
+  const Motion motion = *again.node.motion();
+  for (std::int64_t t = 0; t < 70'000'000; t += 100'000) {
+    EXPECT_EQ(motion.at(again.now_us + t).velocity, Eigen::Vector3d::Zero());
+    EXPECT_LT((motion.at(again.now_us + t).position - place).norm(), 1e-6);
+  }
+  EXPECT_GT(motion.seq(), robot.node.motion()->seq());
+  EXPECT_TRUE(again.node.on_clock_step(again.now_us + 1'000'000, 60'000'000));
+}
+
 TEST(BroadcastClock, WhatIsAnnouncedIsWithdrawnWhenTheClockIsSet) {
   CommitProtocol protocol({.robot_id = 1, .roster = {0, 1}});
   protocol.start({Trajectory::hover(4, kStart_us, kHome), {}});
@@ -132,11 +185,11 @@ TEST(BroadcastClock, WhatIsAnnouncedIsWithdrawnWhenTheClockIsSet) {
   ASSERT_EQ(protocol.propose(kStart_us, plan, true), Rejection::kNone);
   const std::int32_t seq = protocol.pending().seq();
   (void)protocol.take_news();
-  protocol.set_clock(kStart_us + 200'000);
+  protocol.set_clock(kStart_us + 200'000, 100'000);
   EXPECT_TRUE(protocol.pending().empty());
   EXPECT_EQ(protocol.motion()->seq(), 4);  // over in the new time as in the old
   EXPECT_TRUE(protocol.take_news());
-  protocol.set_clock(kStart_us - 5'000'000);
+  protocol.set_clock(kStart_us - 5'000'000, -5'200'000);
   EXPECT_GT(protocol.motion()->seq(), seq);
   EXPECT_EQ(protocol.motion()->committed.start_utime(), kStart_us - 5'000'000);
   EXPECT_LT((protocol.motion()->at(kStart_us).position - kHome).norm(), 1e-6);

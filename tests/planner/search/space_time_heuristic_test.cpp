@@ -1,4 +1,4 @@
-// Cost to go against a plain dynamic programme over the same cells.
+// The space-time heuristic against a plain dynamic programme over the same cells.
 #include "planner_daemon/search/space_time_heuristic.h"
 
 #include <gtest/gtest.h>

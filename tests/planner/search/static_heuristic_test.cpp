@@ -20,9 +20,9 @@ constexpr double kBlocked_m = 0.25;
 
 // Least steps from every open cell: to the goal's cell, or to a cell at the window's rim (or top or bottom) and
 // straight on from there.
-class PlainGuidance {
+class PlainStaticHeuristic {
  public:
-  PlainGuidance(const Sogm& standing, const Vector3d& goal, double low_z, double high_z)
+  PlainStaticHeuristic(const Sogm& standing, const Vector3d& goal, double low_z, double high_z)
       : size(cells_in(standing.geometry)), cell_m(kCellVoxels * standing.geometry.resolution_m) {
     const GridGeometry& grid = standing.geometry;
     const Vector3d corner = grid.origin.cast<double>() * grid.resolution_m;
@@ -96,7 +96,7 @@ TEST(StaticHeuristicTest, EqualsAPlainBreadthFirstSearch) {
     const Vector3d goal = trial % 5 == 0 ? in_box(rng, -4 * half, 4 * half) : in_box(rng, -half, half);
     const double low_z = uniform(rng, -2, -0.5), high_z = uniform(rng, 0.4, 9);
     static_heuristic.build({&standing}, kBlocked_m, goal, low_z, high_z);
-    PlainGuidance plain(standing, goal, low_z, high_z);
+    PlainStaticHeuristic plain(standing, goal, low_z, high_z);
     const Vector3d corner = standing.geometry.origin.cast<double>() * 0.1;
     plain.for_each([&](const Vector3i& cell) {
       SCOPED_TRACE(testing::Message() << "trial " << trial << " cell " << cell.transpose());
@@ -112,7 +112,7 @@ TEST(StaticHeuristicTest, EqualsAPlainBreadthFirstSearch) {
         ASSERT_EQ(std::max(0, int{steps[static_cast<std::size_t>(from.z())]}), std::max(0, plain.at(cell)));
       }
       ++cells;
-      closed += plain.at(cell) == PlainGuidance::kClosed;
+      closed += plain.at(cell) == PlainStaticHeuristic::kClosed;
       detours += plain.cell_m * plain.at(cell) > (goal - inside).cwiseAbs().maxCoeff() + 2 * plain.cell_m;
     });
   }
