@@ -217,7 +217,7 @@ std::span<const sogm_t> SogmEncoder::encode(const Sogm& sogm, sogm_swarm::header
     part.num_parts = static_cast<std::int16_t>(num_parts);
     part.total_bytes = static_cast<std::int32_t>(packed_size_);
     part.num_bytes = static_cast<std::int32_t>(part_bytes);
-    part.data.assign(begin, begin + static_cast<std::ptrdiff_t>(part_bytes));
+    part.packed.assign(begin, begin + static_cast<std::ptrdiff_t>(part_bytes));
   }
   return parts_;
 }
@@ -242,7 +242,7 @@ Refusal SogmAssembler::take(const sogm_t& part) {
   if (newer) {
     if (map_bytes(geometry_of(part), part.num_frames) > kMaxMapBytes) return Refusal::kLength;
     layout_ = part;
-    layout_.data.clear();
+    layout_.packed.clear();
     started_ = true;
     done_ = false;
     have_.reset();
@@ -252,7 +252,7 @@ Refusal SogmAssembler::take(const sogm_t& part) {
     return Refusal::kInconsistent;
   }
   const auto index = static_cast<std::size_t>(part.part);
-  if (!have_[index]) parts_[index] = part.data;
+  if (!have_[index]) parts_[index] = part.packed;
   have_.set(index);
   return Refusal::kNone;
 }

@@ -12,7 +12,7 @@
   MESSAGE(obstacle_voxels_t, SWARM_ON(kObstacleVoxels, "OBSTACLE_VOXELS", kOnboard),                              \
           SWARM_ARRAY(num_voxels, voxels, 6, kMaxObstacleVoxels))                                                 \
   MESSAGE(goal_t, SWARM_ON(kGoal, "GOAL", kOnboard))                                                              \
-  MESSAGE(sogm_t, SWARM_ON(kSogm, "SOGM", kOnboard), SWARM_ARRAY(num_bytes, data, 1, kMaxPartBytes))              \
+  MESSAGE(sogm_t, SWARM_ON(kSogm, "SOGM", kOnboard), SWARM_ARRAY(num_bytes, packed, 1, kMaxPartBytes))            \
   MESSAGE(candidate_t, SWARM_ON(kCandidate, "CANDIDATE", kOnboard))                                               \
   MESSAGE(announcement_t,                                                                                         \
           SWARM_ON(kOwnTrajectory, "OWN_TRAJECTORY", kOnboard)   /* of the robot itself */                        \

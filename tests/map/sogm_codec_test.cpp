@@ -125,9 +125,9 @@ TEST(SogmCodec, PaperMapFitsOneDatagramAndIsDeterministic) {
     const Sogm in = paper_map(&rng);
     const std::vector<sogm_t> parts = parts_of(in, trial), again = parts_of(in, trial);
     ASSERT_EQ(parts.size(), 1u);
-    EXPECT_EQ(parts[0].data, again[0].data);
+    EXPECT_EQ(parts[0].packed, again[0].packed);
     EXPECT_EQ(parts[0].header.utime, in.start_utime);
-    most = std::max(most, parts[0].data.size());
+    most = std::max(most, parts[0].packed.size());
     Sogm out;
     SogmAssembler assembler;
     ASSERT_EQ(assembler.add(transported(parts[0]), &out).status, AssemblyStatus::kComplete);
@@ -158,7 +158,7 @@ TEST(SogmCodec, TheBytesAreThoseOfTheFormat) {
   for (const auto& token : tokens) bytes.insert(bytes.end(), token.begin(), token.end());
   const std::vector<sogm_t> parts = parts_of(sogm, 0);
   ASSERT_EQ(parts.size(), 1u);
-  EXPECT_EQ(parts[0].data, bytes);
+  EXPECT_EQ(parts[0].packed, bytes);
 }
 
 // No library, processor or compiler has a say.
@@ -179,8 +179,8 @@ TEST(SogmCodec, TheSameBytesOnEveryMachine) {
   }
   const std::vector<sogm_t> parts = parts_of(sogm, 0);
   ASSERT_EQ(parts.size(), 1u);
-  EXPECT_EQ(parts[0].data.size(), 1916u);
-  EXPECT_EQ(crc32(parts[0].data), 0x555E19B3u);
+  EXPECT_EQ(parts[0].packed.size(), 1916u);
+  EXPECT_EQ(crc32(parts[0].packed), 0x555E19B3u);
 }
 
 TEST(SogmCodec, NewerMapsReplaceIncompleteOnes) {
@@ -242,7 +242,7 @@ TEST(SogmCodec, DamagedContentNeverBecomesAMap) {
   int refused = 0;
   const auto add = [&](sogm_t part) {
     part.header.seq = seq++;
-    part.num_bytes = part.total_bytes = static_cast<std::int32_t>(part.data.size());
+    part.num_bytes = part.total_bytes = static_cast<std::int32_t>(part.packed.size());
     const Assembly assembly = assembler.add(part, &out);
     if (assembly.status == AssemblyStatus::kComplete) {  // a damaged bit may still decode: then within the window
       EXPECT_EQ(out.geometry, in.geometry);
@@ -255,25 +255,25 @@ TEST(SogmCodec, DamagedContentNeverBecomesAMap) {
   };
   for (int trial = 0; trial < 300; ++trial) {  // flipped bits
     sogm_t part = good;
-    part.data[rng() % part.data.size()] ^= static_cast<std::uint8_t>(1u << rng() % 8);
+    part.packed[rng() % part.packed.size()] ^= static_cast<std::uint8_t>(1u << rng() % 8);
     (void)add(part);
   }
   EXPECT_GT(refused, 150);
-  for (std::size_t size = 1; size < good.data.size(); size += 1 + good.data.size() / 50) {  // cut short
+  for (std::size_t size = 1; size < good.packed.size(); size += 1 + good.packed.size() / 50) {  // cut short
     sogm_t part = good;
-    part.data.resize(size);
+    part.packed.resize(size);
     EXPECT_NE(add(part), Refusal::kNone) << size;
   }
   for (int trial = 0; trial < 100; ++trial) {  // garbage
     sogm_t part = good;
-    for (std::uint8_t& byte : part.data) byte = static_cast<std::uint8_t>(rng());
+    for (std::uint8_t& byte : part.packed) byte = static_cast<std::uint8_t>(rng());
     EXPECT_NE(add(part), Refusal::kNone);
   }
   sogm_t longer = good;
-  longer.data.push_back(0);
+  longer.packed.push_back(0);
   EXPECT_EQ(add(longer), Refusal::kInconsistent);
   sogm_t twice = good;  // two maps in a row
-  twice.data.insert(twice.data.end(), good.data.begin(), good.data.end());
+  twice.packed.insert(twice.packed.end(), good.packed.begin(), good.packed.end());
   EXPECT_EQ(add(twice), Refusal::kInconsistent);
   EXPECT_EQ(add(good), Refusal::kNone);
   expect_equal(in, out);

@@ -174,8 +174,8 @@ inline void make(Random& random, int elements, sogm_t* m) {
   m->part = static_cast<std::int16_t>(integer(random, 0, m->num_parts - 1));
   m->num_bytes = std::clamp(elements, 1, 60000);
   m->total_bytes = m->num_bytes + (m->num_parts - 1) * integer(random, 1, 60000);
-  m->data.resize(static_cast<std::size_t>(m->num_bytes));
-  for (std::uint8_t& byte : m->data) byte = static_cast<std::uint8_t>(random());
+  m->packed.resize(static_cast<std::size_t>(m->num_bytes));
+  for (std::uint8_t& byte : m->packed) byte = static_cast<std::uint8_t>(random());
 }
 
 // A message with `elements` in its variable array, or the nearest number that is allowed.

@@ -50,7 +50,7 @@ void shown_fields(const T& m, Visit&& visit) {
       visit(name, knots_of(m));
     } else if constexpr (std::is_same_v<Value, decltype(obstacle_voxels_t::voxels)>) {
       visit(name, voxels_of(m));
-    } else if constexpr (!std::is_same_v<Value, decltype(sogm_t::data)>) {
+    } else if constexpr (!std::is_same_v<Value, decltype(sogm_t::packed)>) {
       visit(name, value);
     }
   });
