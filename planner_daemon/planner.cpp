@@ -255,18 +255,21 @@ void Planner::add_own_motion(const PlanRequest& request) {
 }
 
 // The policy. An escape flies roughly, so it must violate much less than what was planned. The own motion stays where
-// it violates less than that by more than a graze; or where both are free, but it ends nearer to the goal.
+// it violates less than that, or where both are free, but it ends nearer to the goal. A path that survives by the
+// search's samples, and is found to graze something between them, counts as free.
 void Planner::choose() {
   const Candidate* planned = &candidates_.front();
   for (const Candidate& other : candidates_) {
     if (other.kind == Candidate::Kind::kEscape && other.violation_cost + kWorthwhile < planned->violation_cost)
       planned = &other;
   }
+  const bool in_danger = path_.left_blocked || result_.search_status == SearchStatus::kPartial;
+  const double graze = in_danger ? 0.0 : kGraze;
   result_.fly = true;
   for (const Candidate& own : candidates_) {
     if (own.kind != Candidate::Kind::kOwn) continue;
     const bool is_nearer = own.time_to_goal_s < planned->time_to_goal_s + kKeepBonus_s;
-    result_.fly = own.violation_cost + kGraze >= planned->violation_cost && !is_nearer;
+    result_.fly = own.violation_cost + graze >= planned->violation_cost && !is_nearer;
   }
   result_.trajectory = planned->trajectory;
   result_.outcome = planned->kind == Candidate::Kind::kSmooth ? PlanOutcome::kSmooth
