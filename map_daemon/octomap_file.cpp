@@ -40,7 +40,8 @@ void check_nodes(std::string_view bytes, bool binary) {
     if (bytes.size() - at < record) throw Fault("is cut short");
     unsigned children = 0;  // that have a record of their own
     if (binary) {
-      const unsigned bits = static_cast<unsigned char>(bytes[at]) | static_cast<unsigned char>(bytes[at + 1]) << 8;
+      const auto byte = [&](std::size_t i) { return unsigned{static_cast<unsigned char>(bytes[at + i])}; };
+      const unsigned bits = byte(0) | byte(1) << 8;
       children = bits & bits >> 1 & 0x5555u;
     } else {
       children = static_cast<unsigned char>(bytes[at + 4]);
