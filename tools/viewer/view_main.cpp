@@ -57,8 +57,8 @@ WebFile script(const std::string& path) {
 WebServer::Files page(const std::string& three) {
   WebServer::Files files = {{"/", {kPageHtml, "text/html; charset=utf-8"}},
                             {"/view.js", {kPageScript, "text/javascript; charset=utf-8"}},
-                            {"/scene.js", {kSceneScript, "text/javascript; charset=utf-8"}},
-                            {"/three.js", script(three + "/build/three.min.js")}};
+                            {"/scene.js", {kSceneScript, "text/javascript; charset=utf-8"}}};
+  files["/three.js"] = script(three + "/build/three.min.js");
   for (const char* name : {"controls/OrbitControls", "lines/LineSegmentsGeometry", "lines/LineGeometry",
                            "lines/LineMaterial", "lines/LineSegments2", "lines/Line2"}) {
     const std::string path = std::string("/examples/js/") + name + ".js";
