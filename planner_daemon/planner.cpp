@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <stdexcept>
 
 namespace swarm {
@@ -83,11 +82,11 @@ const PlanResult& Planner::plan(const PlanRequest& request) {
   Trajectory smooth;
   const bool is_smooth = has_corridors && optimize(request, &smooth);  // IV-C: minimum-jerk Bezier curve inside them
   lap(PlanStep::kOptimize);
-  const Trajectory raw = to_trajectory(path_, config_.search.piece_us, request.start_utime);
   bool is_free = is_smooth && is_flyable(smooth);  // against the same free space
   if (is_free) {
     add_planned(Candidate::Kind::kSmooth, smooth);
   } else {
+    const Trajectory raw = to_trajectory(path_, config_.search.piece_us, request.start_utime);
     is_free = survives && is_flyable(raw);
     add_planned(is_free ? Candidate::Kind::kRaw : Candidate::Kind::kBlocked, raw);
   }
@@ -95,8 +94,8 @@ const PlanResult& Planner::plan(const PlanRequest& request) {
     lap(PlanStep::kCheck);
     add_escape(request);
     lap(PlanStep::kSearch);
-  } else if (path_.settled) {  // stuck now, but an earlier search may have known better
-    add_own_motion(request);
+  } else if (path_.settled && space_.first_blocked(request.own, request.start_utime) == kNeverBlocked) {
+    add_own_motion(request, 0.0);
   }
   choose();
   lap(PlanStep::kCheck);
@@ -244,19 +243,18 @@ void Planner::add_escape(const PlanRequest& request) {
   candidates_.push_back({Candidate::Kind::kEscape, to_trajectory(escape_path_, escape_piece_us_, request.start_utime)});
   for (Candidate& candidate : candidates_)
     candidate.violation_cost = escape_search_.violation_cost({candidate.trajectory, {}});
-  const double violation = escape_search_.violation_cost(request.own);
-  candidates_.push_back({Candidate::Kind::kOwn, {}, violation, std::numeric_limits<double>::infinity()});
+  add_own_motion(request, escape_search_.violation_cost(request.own));
 }
 
-void Planner::add_own_motion(const PlanRequest& request) {
-  if (space_.first_blocked(request.own, request.start_utime) != kNeverBlocked) return;
+void Planner::add_own_motion(const PlanRequest& request, double violation_cost) {
   const Eigen::Vector3d end = request.own.at(request.own.end_utime()).position;
-  candidates_.push_back({Candidate::Kind::kOwn, {}, 0.0, search_.time_to_goal(end)});
+  candidates_.push_back({Candidate::Kind::kOwn, {}, violation_cost, search_.time_to_goal(end)});
 }
 
 // The policy. An escape flies roughly, so it must violate much less than what was planned. The own motion stays where
-// it violates less than that, or where both are free, but it ends nearer to the goal. A path that survives by the
-// search's samples, and is found to graze something between them, counts as free.
+// it violates less than that. In danger nothing else counts. Else a path that is found to graze something between the
+// search's samples counts as free; and a search that got stuck is not followed where the own motion, no less free, ends
+// nearer to the goal: an earlier search knew better.
 void Planner::choose() {
   const Candidate* planned = &candidates_.front();
   for (const Candidate& other : candidates_) {
@@ -268,7 +266,8 @@ void Planner::choose() {
   result_.fly = true;
   for (const Candidate& own : candidates_) {
     if (own.kind != Candidate::Kind::kOwn) continue;
-    const bool is_nearer = own.time_to_goal_s < planned->time_to_goal_s + kKeepBonus_s;
+    const bool is_nearer = path_.settled && !in_danger && own.violation_cost <= planned->violation_cost &&
+                           own.time_to_goal_s < planned->time_to_goal_s + kKeepBonus_s;
     result_.fly = own.violation_cost + graze >= planned->violation_cost && !is_nearer;
   }
   result_.trajectory = planned->trajectory;

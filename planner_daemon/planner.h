@@ -111,8 +111,7 @@ class Planner {
   void add_planned(Candidate::Kind kind, const Trajectory& trajectory);
   // Two candidates more: the way out that violates least, and the own motion; and what all of them violate.
   void add_escape(const PlanRequest& request);
-  // A candidate more: the own motion, if it is free.
-  void add_own_motion(const PlanRequest& request);
+  void add_own_motion(const PlanRequest& request, double violation_cost);
   void choose();
   void lap(PlanStep step);
 
