@@ -1,7 +1,6 @@
 // map_daemon: see map_node.h.
-#include <chrono>
-
 #include "lcmtypes/bus/boot.h"
+#include "lcmtypes/bus/node_clock.h"
 #include "lcmtypes/bus/realtime_host.h"
 #include "map_daemon/map_node.h"
 
@@ -10,10 +9,5 @@ int main(int argc, char** argv) {
   return swarm::daemon_main(
       "map_daemon", "Builds the spatiotemporal occupancy grid map around one robot.", argc, argv,
       swarm::DaemonBuses::kOnboard, [&](swarm::OptionSet& options) { swarm::declare(options, config); },
-      [&] {
-        return std::make_unique<swarm::MapNode>(config, swarm::new_boot(), [] {
-          return static_cast<std::int64_t>(
-              std::chrono::nanoseconds(std::chrono::steady_clock::now().time_since_epoch()).count());
-        });
-      });
+      [&] { return std::make_unique<swarm::MapNode>(config, swarm::new_boot(), &swarm::stopwatch); });
 }

@@ -14,13 +14,9 @@ using sogm_swarm::obstacle_t;
 
 namespace {
 
-constexpr std::int64_t kMaxAge_us = 1'000'000;  // of messages
-constexpr std::int64_t kStatusPeriod_us = 1'000'000;
+constexpr Duration kMaxAge = 1s;  // of messages
+constexpr Duration kStatusPeriod = 1s;
 constexpr std::size_t kMaxVoxelObstacles = 256;
-
-std::int64_t to_us(double seconds) {
-  return std::llround(seconds * 1e6);
-}
 
 Eigen::Vector3d to_vector(const double (&v)[3]) {
   return {v[0], v[1], v[2]};
@@ -39,18 +35,18 @@ Shape::Kind to_kind(std::int16_t shape) {
   }
 }
 
-Obstacle to_obstacle(const obstacle_t& message, std::int64_t utime) {
+Obstacle to_obstacle(const obstacle_t& message, Utime utime) {
   return {.shape = {.kind = to_kind(message.shape), .size = to_vector(message.size), .yaw_rad = message.yaw},
           .position = to_vector(message.position),
           .velocity = to_vector(message.velocity),
-          .utime = utime - to_us(message.age_s)};
+          .utime = utime - to_duration(message.age_s)};
 }
 
 Obstacle to_obstacle(const sogm_swarm::obstacle_voxels_t& message) {
   Obstacle obstacle{.shape = {.kind = Shape::Kind::kVoxels, .size = {message.resolution, 0.0, 0.0}},
                     .position = to_vector(message.position),
                     .velocity = to_vector(message.velocity),
-                    .utime = message.header.utime - to_us(message.age_s)};
+                    .utime = to_utime(message.header.utime) - to_duration(message.age_s)};
   auto& voxels = obstacle.shape.voxels;
   voxels.reserve(message.voxels.size());
   for (const auto& v : message.voxels) voxels.emplace_back(v[0], v[1], v[2]);
@@ -132,109 +128,108 @@ std::vector<Subscription> MapNode::subscriptions() const {
           {BusId::kOnboard, channel::kObstacleVoxels}};
 }
 
-void MapNode::on_message(std::int64_t now_us, BusId, std::string_view channel, std::span<const std::uint8_t> bytes,
-                         Outbox&) {
+void MapNode::on_message(Utime now, BusId, std::string_view channel, std::span<const std::uint8_t> bytes, Outbox&) {
   Refusal refusal = Refusal::kNone;
   if (channel == channel::kRobotState) {
-    refusal = on_state(now_us, bytes);
+    refusal = on_state(now, bytes);
   } else if (channel == channel::kObstacles) {
-    refusal = on_obstacles(now_us, bytes);
+    refusal = on_obstacles(now, bytes);
   } else if (channel == channel::kObstacleVoxels) {
-    refusal = on_voxels(now_us, bytes);
+    refusal = on_voxels(now, bytes);
   }
   if (refusal != Refusal::kNone) refused_.count(refusal);
 }
 
-TimeWindow MapNode::window(std::int64_t now_us) const {
-  return {now_us, kMaxAge_us, to_us(config_.clock_limit_s)};
+TimeWindow MapNode::window(Utime now) const {
+  return {now, kMaxAge, to_duration(config_.clock_limit_s)};
 }
 
-Refusal MapNode::on_state(std::int64_t now_us, std::span<const std::uint8_t> bytes) {
+Refusal MapNode::on_state(Utime now, std::span<const std::uint8_t> bytes) {
   sogm_swarm::robot_state_t message;
-  const Refusal refusal = receive(bytes, FromRobot{config_.robot_id}, window(now_us), state_gate_, &message);
+  const Refusal refusal = receive(bytes, FromRobot{config_.robot_id}, window(now), state_gate_, &message);
   if (refusal != Refusal::kNone) return refusal;
   // The first map waits for obstacles as long as the least rate allows: an empty one would invite flying.
-  if (!has_state_) build_.done(now_us - to_us(1.0 / config_.max_rate_hz));
+  if (!has_state_) build_.done(now - to_duration(1.0 / config_.max_rate_hz));
   has_state_ = true;
   position_ = to_vector(message.position);
   velocity_ = to_vector(message.velocity);
-  state_utime_ = message.header.utime;
+  state_utime_ = to_utime(message.header.utime);
   return Refusal::kNone;
 }
 
-Refusal MapNode::on_obstacles(std::int64_t now_us, std::span<const std::uint8_t> bytes) {
+Refusal MapNode::on_obstacles(Utime now, std::span<const std::uint8_t> bytes) {
   sogm_swarm::obstacles_t message;
-  const Refusal refusal = receive(bytes, FromRobot{config_.robot_id}, window(now_us), obstacle_gate_, &message);
+  const Refusal refusal = receive(bytes, FromRobot{config_.robot_id}, window(now), obstacle_gate_, &message);
   if (refusal != Refusal::kNone) return refusal;
   obstacles_.clear();
   for (const obstacle_t& obstacle : message.obstacles)
-    obstacles_.push_back(to_obstacle(obstacle, message.header.utime));
-  obstacles_utime_ = message.header.utime;
+    obstacles_.push_back(to_obstacle(obstacle, to_utime(message.header.utime)));
+  obstacles_utime_ = to_utime(message.header.utime);
   obstacles_are_new_ = true;
   return Refusal::kNone;
 }
 
-Refusal MapNode::on_voxels(std::int64_t now_us, std::span<const std::uint8_t> bytes) {
+Refusal MapNode::on_voxels(Utime now, std::span<const std::uint8_t> bytes) {
   sogm_swarm::obstacle_voxels_t message;
   const auto from = [this](const sogm_swarm::obstacle_voxels_t& m) {
     if (voxel_obstacles_.size() >= kMaxVoxelObstacles && !voxel_obstacles_.contains(m.id)) return Refusal::kLength;
     return FromRobot{config_.robot_id}(m);
   };
-  if (const Refusal refusal = receive(bytes, from, window(now_us), voxel_gate_, &message); refusal != Refusal::kNone)
+  if (const Refusal refusal = receive(bytes, from, window(now), voxel_gate_, &message); refusal != Refusal::kNone)
     return refusal;
-  voxel_obstacles_.insert_or_assign(message.id, VoxelObstacle{to_obstacle(message), message.header.utime});
+  voxel_obstacles_.insert_or_assign(message.id, VoxelObstacle{to_obstacle(message), to_utime(message.header.utime)});
   obstacles_are_new_ = true;
   return Refusal::kNone;
 }
 
-bool MapNode::fresh(std::int64_t utime, double timeout_s, std::int64_t now_us) const {
-  return check_time(utime, now_us, to_us(timeout_s), to_us(config_.clock_limit_s)) == Refusal::kNone;
+bool MapNode::fresh(Utime utime, double timeout_s, Utime now) const {
+  return check_time(utime, now, to_duration(timeout_s), to_duration(config_.clock_limit_s)) == Refusal::kNone;
 }
 
-std::int16_t MapNode::state(std::int64_t now_us) const {
+std::int16_t MapNode::state(Utime now) const {
   if (!has_state_) return map_status_t::kNoState;
-  return fresh(state_utime_, config_.state_timeout_s, now_us) ? map_status_t::kRunning : map_status_t::kStaleState;
+  return fresh(state_utime_, config_.state_timeout_s, now) ? map_status_t::kRunning : map_status_t::kStaleState;
 }
 
-std::int64_t MapNode::step(std::int64_t now_us, Outbox& outbox) {
-  forget_unreported(now_us);
-  const bool running = state(now_us) == map_status_t::kRunning;
-  const auto next_build_us = [this, now_us] {
-    return build_.due_us(now_us, to_us(1.0 / (obstacles_are_new_ ? config_.max_rate_hz : config_.min_rate_hz)));
+Utime MapNode::step(Utime now, Outbox& outbox) {
+  forget_unreported(now);
+  const bool running = state(now) == map_status_t::kRunning;
+  const auto next_build = [this, now] {
+    return build_.due(now, to_duration(1.0 / (obstacles_are_new_ ? config_.max_rate_hz : config_.min_rate_hz)));
   };
-  if (running && now_us >= next_build_us()) {
-    const std::int64_t start_ns = stopwatch_ ? stopwatch_() : 0;
-    build(now_us);
+  if (running && now >= next_build()) {
+    const std::chrono::nanoseconds begun = stopwatch_ ? stopwatch_() : 0ns;
+    build(now);
     publish_map(outbox);
-    if (stopwatch_) build_ms_ = 1e-6 * static_cast<double>(stopwatch_() - start_ns);
+    if (stopwatch_) build_ms_ = to_ms(stopwatch_() - begun);
   }
-  if (now_us >= status_.due_us(now_us, kStatusPeriod_us)) {
-    publish_status(now_us, outbox);
-    status_.done(now_us);
+  if (now >= status_.due(now, kStatusPeriod)) {
+    publish_status(now, outbox);
+    status_.done(now);
   }
-  const std::int64_t next_status_us = status_.due_us(now_us, kStatusPeriod_us);
-  return running ? std::min(next_build_us(), next_status_us) : next_status_us;
+  const Utime next_status = status_.due(now, kStatusPeriod);
+  return running ? std::min(next_build(), next_status) : next_status;
 }
 
 // By the time of the report, not of the measurement: what a tracker still reports it believes in, however old.
-void MapNode::forget_unreported(std::int64_t now_us) {
-  const auto unreported = [&](std::int64_t utime) { return !fresh(utime, config_.obstacle_timeout_s, now_us); };
+void MapNode::forget_unreported(Utime now) {
+  const auto unreported = [&](Utime utime) { return !fresh(utime, config_.obstacle_timeout_s, now); };
   if (unreported(obstacles_utime_)) obstacles_.clear();
   std::erase_if(voxel_obstacles_, [&](const auto& entry) { return unreported(entry.second.reported_utime); });
 }
 
-void MapNode::build(std::int64_t now_us) {
-  const Eigen::Vector3d center = position_ + 1e-6 * static_cast<double>(now_us - state_utime_) * velocity_;
+void MapNode::build(Utime now) {
+  const Eigen::Vector3d center = position_ + to_seconds(now - state_utime_) * velocity_;
   GridGeometry geometry{.resolution_m = config_.resolution_m, .size = config_.voxels()};
   const Eigen::Array3d corner = center.array() / config_.resolution_m - geometry.size.array().cast<double>() / 2;
   geometry.origin = corner.round().cast<int>();
 
-  sogm_.reset(geometry, config_.num_frames(), now_us, to_us(config_.frame_s));
+  sogm_.reset(geometry, config_.num_frames(), now, to_duration(config_.frame_s));
   if (static_map_) static_map_->copy_into(&sogm_);
   for (const Obstacle& obstacle : obstacles_) rasterize(obstacle, config_.margin_m, config_.growth_mps, &sogm_);
   for (const auto& [id, entry] : voxel_obstacles_)
     rasterize(entry.obstacle, config_.margin_m, config_.growth_mps, &sogm_);
-  build_.done(now_us);
+  build_.done(now);
   obstacles_are_new_ = false;
 }
 
@@ -244,12 +239,12 @@ void MapNode::publish_map(Outbox& outbox) {
   if (!parts.empty()) ++maps_;  // one too large to send shows in the status: map_bytes above 3,840,000, rate 0
 }
 
-void MapNode::publish_status(std::int64_t now_us, Outbox& outbox) {
+void MapNode::publish_status(Utime now, Outbox& outbox) {
   map_status_t status{};
-  status.header = status_headers_.next(now_us);
-  status.state = state(now_us);
+  status.header = status_headers_.next(now);
+  status.state = state(now);
   status.maps = maps_;
-  status.rate_hz = static_cast<float>(maps_ - maps_at_last_status_) / (1e-6f * kStatusPeriod_us);
+  status.rate_hz = static_cast<float>((maps_ - maps_at_last_status_) / to_seconds(kStatusPeriod));
   status.build_ms = publish_durations_ ? static_cast<float>(build_ms_) : 0.0f;
   status.map_bytes = encoder_.compressed_bytes();
   status.obstacles = static_cast<std::int32_t>(obstacles_.size() + voxel_obstacles_.size());

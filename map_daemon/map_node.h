@@ -4,7 +4,6 @@
 
 #include <Eigen/Core>
 #include <cstdint>
-#include <functional>
 #include <map>
 #include <optional>
 #include <string>
@@ -12,6 +11,7 @@
 
 #include "lcmtypes/bus/header_source.h"
 #include "lcmtypes/bus/node.h"
+#include "lcmtypes/bus/node_clock.h"
 #include "lcmtypes/bus/option_set.h"
 #include "lcmtypes/bus/receive.h"
 #include "lcmtypes/bus/recurring.h"
@@ -46,17 +46,15 @@ void verify(const MapConfig& config);
 
 class MapNode : public Node {
  public:
-  using Stopwatch = std::function<std::int64_t()>;  // monotonic [ns]
-
   // `boot`: grows at every start. `stopwatch` null: durations are 0; they are
   // published only with `publish_durations`. Throws what verify() and StaticMap
   // throw.
   MapNode(const MapConfig& config, std::int32_t boot, Stopwatch stopwatch = nullptr, bool publish_durations = true);
 
   std::vector<Subscription> subscriptions() const override;
-  void on_message(std::int64_t now_us, BusId bus, std::string_view channel, std::span<const std::uint8_t> bytes,
+  void on_message(Utime now, BusId bus, std::string_view channel, std::span<const std::uint8_t> bytes,
                   Outbox& outbox) override;
-  std::int64_t step(std::int64_t now_us, Outbox& outbox) override;
+  Utime step(Utime now, Outbox& outbox) override;
 
   const Sogm& newest_map() const { return sogm_; }
   double build_ms() const { return build_ms_; }  // of the newest map, encoding included
@@ -66,21 +64,21 @@ class MapNode : public Node {
  private:
   struct VoxelObstacle {
     Obstacle obstacle;
-    std::int64_t reported_utime;
+    Utime reported_utime;
   };
 
-  Refusal on_state(std::int64_t now_us, std::span<const std::uint8_t> bytes);
-  Refusal on_obstacles(std::int64_t now_us, std::span<const std::uint8_t> bytes);
-  Refusal on_voxels(std::int64_t now_us, std::span<const std::uint8_t> bytes);
+  Refusal on_state(Utime now, std::span<const std::uint8_t> bytes);
+  Refusal on_obstacles(Utime now, std::span<const std::uint8_t> bytes);
+  Refusal on_voxels(Utime now, std::span<const std::uint8_t> bytes);
   // When inputs must be of to be taken.
-  TimeWindow window(std::int64_t now_us) const;
+  TimeWindow window(Utime now) const;
   // Whether what was said at `utime` still counts; after the clock was set back, it may lie in the future.
-  bool fresh(std::int64_t utime, double timeout_s, std::int64_t now_us) const;
-  std::int16_t state(std::int64_t now_us) const;  // map_status_t::k...
-  void forget_unreported(std::int64_t now_us);
-  void build(std::int64_t now_us);
+  bool fresh(Utime utime, double timeout_s, Utime now) const;
+  std::int16_t state(Utime now) const;  // map_status_t::k...
+  void forget_unreported(Utime now);
+  void build(Utime now);
   void publish_map(Outbox& outbox);
-  void publish_status(std::int64_t now_us, Outbox& outbox);
+  void publish_status(Utime now, Outbox& outbox);
 
   MapConfig config_;
   std::optional<StaticMap> static_map_;
@@ -92,9 +90,9 @@ class MapNode : public Node {
 
   bool has_state_ = false;
   Eigen::Vector3d position_, velocity_;  // of the robot at state_utime_, W
-  std::int64_t state_utime_ = 0;
+  Utime state_utime_{};
   std::vector<Obstacle> obstacles_;  // of the newest OBSTACLES
-  std::int64_t obstacles_utime_ = 0;
+  Utime obstacles_utime_{};
   std::map<std::int32_t, VoxelObstacle> voxel_obstacles_;  // by id
 
   bool obstacles_are_new_ = false;

@@ -29,7 +29,7 @@ struct Obstacle {
   Shape shape;
   Eigen::Vector3d position = Eigen::Vector3d::Zero();  // of the centre at `utime`, W [m]
   Eigen::Vector3d velocity = Eigen::Vector3d::Zero();  // W [m/s]
-  std::int64_t utime = 0;                              // of position (age already subtracted) [us since epoch]
+  Utime utime{};                                       // of position (age already subtracted)
 };
 
 // Marks in every frame of `sogm` each voxel whose centre comes within `margin_m` of the obstacle at some time of the

@@ -168,8 +168,8 @@ bool meets_window(const Core& core, const Eigen::Vector3d& from, const Eigen::Ve
 // `offset`: of the core from the obstacle's centre.
 void paint_core(const Core& core, const Eigen::Vector3d& offset, const Obstacle& obstacle, double margin_m,
                 double growth_mps, Sogm* sogm) {
-  const double frame_s = 1e-6 * static_cast<double>(sogm->frame_duration_us);
-  const double lead_s = 1e-6 * static_cast<double>(sogm->start_utime - obstacle.utime);
+  const double frame_s = to_seconds(sogm->frame_duration);
+  const double lead_s = to_seconds(sogm->start_utime - obstacle.utime);
   const Eigen::Vector3d motion = frame_s * obstacle.velocity;
   const bool straight = core.round() && motion.z() == 0.0;
   const int steps = straight ? 0 : static_cast<int>(std::ceil(motion.norm() / (0.5 * sogm->geometry.resolution_m)));

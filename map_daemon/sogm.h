@@ -7,6 +7,8 @@
 #include <cstdint>
 #include <vector>
 
+#include "lcmtypes/bus/time.h"
+
 namespace swarm {
 
 // std::floor calls the library where the processor's own instruction may be missing.
@@ -57,14 +59,14 @@ inline bool intersect(const Columns& a, const Columns& b) {
 // Frames of bit columns: frame-major, then x, y, then 64-bit words along z (bit k of word w is voxel z = 64 w + k).
 // Bits at z >= size.z() are always zero.
 struct Sogm {
-  std::int64_t start_utime = 0;        // [us since epoch]
-  std::int64_t frame_duration_us = 0;  // > 0
+  Utime start_utime{};        // of the first frame
+  Duration frame_duration{};  // > 0
   int num_frames = 0;
   GridGeometry geometry;
   std::vector<std::uint64_t> words;  // num_frames * words_per_frame()
 
   // Sets the layout and clears all voxels; keeps the allocation when it suffices.
-  void reset(const GridGeometry& new_geometry, int frames, std::int64_t start, std::int64_t duration_us);
+  void reset(const GridGeometry& new_geometry, int frames, Utime start, Duration duration);
 
   std::uint64_t* column(int frame, int x, int y) {
     const Eigen::Index row = Eigen::Index{frame} * geometry.size.x() + x;
@@ -77,8 +79,9 @@ struct Sogm {
     return geometry.contains(voxel) &&
            (column(frame, voxel.x(), voxel.y())[voxel.z() >> 6] >> (voxel.z() & 63) & 1u) != 0;
   }
+  Utime end_utime() const { return start_utime + num_frames * frame_duration; }  // of the last frame
   // Frame in force at `utime`, clamped to the first and the last: what lies beyond the horizon is taken to stay.
-  int frame_at(std::int64_t utime) const;
+  int frame_at(Utime utime) const;
 };
 
 // Visits the words of a column of `size` voxels that hold voxels whose centres lie in [low, high] (in voxels above the

@@ -199,14 +199,14 @@ std::span<const sogm_t> SogmEncoder::encode(const Sogm& sogm, sogm_swarm::header
   constexpr std::size_t most = kMaxPartBytes;
   const std::size_t num_parts = (packed_size_ + most - 1) / most;
 
-  header.utime = sogm.start_utime;
+  header.utime = to_us(sogm.start_utime);
   parts_.resize(num_parts);
   for (std::size_t i = 0; i < num_parts; ++i) {
     sogm_t& part = parts_[i];
     const auto begin = packed_.begin() + static_cast<std::ptrdiff_t>(i * most);
     const std::size_t part_bytes = std::min(most, packed_size_ - i * most);
     part.header = header;
-    part.frame_duration_us = static_cast<std::int32_t>(sogm.frame_duration_us);
+    part.frame_duration_us = static_cast<std::int32_t>(sogm.frame_duration.count());
     part.num_frames = static_cast<std::int16_t>(sogm.num_frames);
     for (int axis = 0; axis < 3; ++axis) {
       part.size[axis] = static_cast<std::int16_t>(sogm.geometry.size[axis]);
@@ -275,8 +275,8 @@ Refusal SogmAssembler::unpack() {
 
   map_.geometry = geometry;
   map_.num_frames = layout_.num_frames;
-  map_.start_utime = layout_.header.utime;
-  map_.frame_duration_us = layout_.frame_duration_us;
+  map_.start_utime = to_utime(layout_.header.utime);
+  map_.frame_duration = Duration(layout_.frame_duration_us);
   map_.words.resize(num_words);
   std::fill_n(map_.words.begin(), n, 0);
   std::size_t frame_end = n;

@@ -53,7 +53,7 @@ StaticMap::StaticMap(const std::string& path, double resolution_m, double margin
   GridGeometry geometry{.resolution_m = resolution_m};
   geometry.size = size.cast<int>();
   if (!boxes.empty()) geometry.origin = low.cast<int>();
-  grid_.reset(geometry, 1, 0, 1);
+  grid_.reset(geometry, 1, Utime(), 1us);
   for (const VoxelBox& box : boxes) {
     const Eigen::Array3i first = (box.first - low).cast<int>(), last = (box.last - low).cast<int>();
     for (int x = first.x(); x <= last.x(); ++x) {

@@ -1,13 +1,12 @@
 #include "planner_daemon/planner.h"
 
 #include <algorithm>
-#include <cmath>
 #include <stdexcept>
 
 namespace swarm {
 namespace {
 
-constexpr std::int64_t kStaticHeuristicAge_us = 250'000, kSpaceTimeHeuristicAge_us = 75'000;
+constexpr Duration kStaticHeuristicAge = 250ms, kSpaceTimeHeuristicAge = 75ms;
 constexpr double kKeepBonus_s = 0.05;  // of the motion already flown where the search got stuck
 constexpr double kGraze = 0.2;         // a violation so small, or so far ahead, is not worth giving up a plan
 constexpr double kWorthwhile = 3.0;    // an escape must violate so much less to be worth its rough flight
@@ -21,13 +20,13 @@ PlannerConfig with_reserve(PlannerConfig config) {
 // The acceleration changes twice as fast, where half the pieces' duration leaves time to brake.
 SearchOptions escape_options(const SearchLimits& limits, const SearchOptions& options) {
   SearchOptions half = options;
-  half.piece_us /= 2;
+  half.piece /= 2;
   half.max_expansions *= 2;  // room for the manoeuvres of both phases
-  return Primitives::brake_pieces(limits, half.piece_us) < half.num_pieces ? half : options;
+  return Primitives::brake_pieces(limits, half.piece) < half.num_pieces ? half : options;
 }
 
-Trajectory to_trajectory(const SearchPath& path, std::int32_t piece_us, std::int64_t start_utime) {
-  Trajectory trajectory(0, start_utime, piece_us, path.num_pieces);
+Trajectory to_trajectory(const SearchPath& path, Duration piece, Utime start_utime) {
+  Trajectory trajectory(0, start_utime, piece, path.num_pieces);
   for (int k = 0; k <= path.num_pieces; ++k) trajectory.set_knot(k, path.knots[static_cast<std::size_t>(k)]);
   return trajectory;
 }
@@ -57,10 +56,10 @@ Planner::Planner(const PlannerConfig& config, Stopwatch stopwatch)
       space_(config.space),
       search_(config_.limits, config.search),
       escape_search_(config_.limits, escape_options(config_.limits, config.search)),
-      escape_piece_us_(escape_options(config_.limits, config.search).piece_us),
+      escape_piece_(escape_options(config_.limits, config.search).piece),
       corridor_builder_(config.limits.space_min, config.limits.space_max, config.corridor) {
   for (int pieces = 1; pieces <= config.search.num_pieces; ++pieces) {
-    optimizers_.emplace_back(5, std::vector<double>(static_cast<std::size_t>(pieces), config.search.piece_us * 1e-6));
+    optimizers_.emplace_back(5, std::vector<double>(static_cast<std::size_t>(pieces), to_seconds(config.search.piece)));
   }
   candidates_.reserve(4);
 }
@@ -70,7 +69,7 @@ const PlanResult& Planner::plan(const PlanRequest& request) {
   result_.step_ms.fill(0.0);
   result_.corridors.clear();
   candidates_.clear();
-  lap_ns_ = stopwatch_ ? stopwatch_() : 0;
+  lap_began_ = stopwatch_ ? stopwatch_() : 0ns;
 
   compose(request);  // III-C: the peers' swept volumes join the SOGM; configuration space follows where it is looked at
   lap(PlanStep::kCompose);
@@ -86,7 +85,7 @@ const PlanResult& Planner::plan(const PlanRequest& request) {
   if (is_free) {
     add_planned(Candidate::Kind::kSmooth, smooth);
   } else {
-    const Trajectory raw = to_trajectory(path_, config_.search.piece_us, request.start_utime);
+    const Trajectory raw = to_trajectory(path_, config_.search.piece, request.start_utime);
     is_free = survives && is_flyable(raw);
     add_planned(is_free ? Candidate::Kind::kRaw : Candidate::Kind::kBlocked, raw);
   }
@@ -94,7 +93,7 @@ const PlanResult& Planner::plan(const PlanRequest& request) {
     lap(PlanStep::kCheck);
     add_escape(request);
     lap(PlanStep::kSearch);
-  } else if (path_.settled && space_.first_blocked(request.own, request.start_utime) == kNeverBlocked) {
+  } else if (path_.settled && space_.first_blocked(request.own, request.start_utime) == kNever) {
     add_own_motion(request, 0.0);
   }
   choose();
@@ -104,9 +103,9 @@ const PlanResult& Planner::plan(const PlanRequest& request) {
 
 void Planner::lap(PlanStep step) {
   if (!stopwatch_) return;
-  const std::int64_t now_ns = stopwatch_();
-  result_.step_ms[static_cast<std::size_t>(step)] += 1e-6 * static_cast<double>(now_ns - lap_ns_);
-  lap_ns_ = now_ns;
+  const std::chrono::nanoseconds now = stopwatch_();
+  result_.step_ms[static_cast<std::size_t>(step)] += to_ms(now - lap_began_);
+  lap_began_ = now;
 }
 
 void Planner::compose(const PlanRequest& request) {
@@ -115,7 +114,7 @@ void Planner::compose(const PlanRequest& request) {
   reachable_ = {start.position,
                 request.start_utime,
                 config_.limits.v_max_mps,
-                1e-6 * search.piece_us * search.num_pieces,
+                to_seconds(search.piece) * search.num_pieces,
                 config_.limits.a_max_mps2,
                 start.velocity};
   space_.compose(*request.sogm, *request.peers, reachable_);
@@ -128,16 +127,16 @@ Planner::CacheKey Planner::cache_key(const PlanRequest& request) {
 
 // What is free is looked up in the newest map in any case. A younger map only: the same one comes again where parts of
 // a plan are timed.
-bool Planner::CacheKey::serves(const PlanRequest& request, std::int64_t longest_us) const {
+bool Planner::CacheKey::serves(const PlanRequest& request, Duration longest) const {
   const CacheKey now = cache_key(request);
-  const std::int64_t age_us = now.utime - utime;
-  return age_us > 0 && age_us < longest_us && size == now.size && resolution_m == now.resolution_m && goal == now.goal;
+  const Duration age = now.utime - utime;
+  return age > 0us && age < longest && size == now.size && resolution_m == now.resolution_m && goal == now.goal;
 }
 
 void Planner::build_heuristics(const PlanRequest& request) {
   const SearchLimits& limits = config_.limits;
   const double blocked_m = config_.space.blocked_m();
-  if (!static_key_.serves(request, kStaticHeuristicAge_us)) {  // what stands still changes slowly
+  if (!static_key_.serves(request, kStaticHeuristicAge)) {  // what stands still changes slowly
     static_heuristic_.build(space_.compose_standing(*request.peers), blocked_m, request.goal, limits.space_min.z(),
                             limits.space_max.z());
     static_key_ = cache_key(request);
@@ -148,7 +147,7 @@ void Planner::build_heuristics(const PlanRequest& request) {
 }
 
 SearchStatus Planner::search(const PlanRequest& request) {
-  if (!space_time_key_.serves(request, kSpaceTimeHeuristicAge_us)) build_heuristics(request);
+  if (!space_time_key_.serves(request, kSpaceTimeHeuristicAge)) build_heuristics(request);
   SearchProblem& problem = search_problem_;
   problem = {request.own.at(request.start_utime),
              request.start_utime,
@@ -172,15 +171,15 @@ SearchStatus Planner::search(const PlanRequest& request) {
 }
 
 bool Planner::grow_corridors(const PlanRequest& request) {
-  const double h = config_.search.piece_us * 1e-6;
+  const double h = to_seconds(config_.search.piece);
   spline_problem_.corridors.resize(static_cast<std::size_t>(path_.num_pieces));
   for (int k = 0; k < path_.num_pieces; ++k) {
     const auto piece_at = static_cast<std::size_t>(k);
-    const std::int64_t from = request.start_utime + k * std::int64_t{config_.search.piece_us};
+    const Utime from = request.start_utime + k * config_.search.piece;
     const ControlPoints piece = quintic_control_points(path_.knots[piece_at], path_.knots[piece_at + 1], h);
     const FiriStatus status =
-        corridor_builder_.build(piece, space_.occupancy(), config_.space.blocked_m(), from,
-                                from + config_.search.piece_us, &spline_problem_.corridors[piece_at]);
+        corridor_builder_.build(piece, space_.occupancy(), config_.space.blocked_m(), from, from + config_.search.piece,
+                                &spline_problem_.corridors[piece_at]);
     if (status != FiriStatus::kGrown) return false;
   }
   result_.corridors = spline_problem_.corridors;
@@ -189,7 +188,7 @@ bool Planner::grow_corridors(const PlanRequest& request) {
 
 bool Planner::optimize(const PlanRequest& request, Trajectory* smooth) {
   const int n = path_.num_pieces;
-  const double h = config_.search.piece_us * 1e-6;
+  const double h = to_seconds(config_.search.piece);
   const MotionState &start = path_.start(), &end = path_.end();
   spline_problem_.start = {start.position, start.velocity, start.acceleration};
   spline_problem_.end = {end.position, end.velocity, end.acceleration};
@@ -201,7 +200,7 @@ bool Planner::optimize(const PlanRequest& request, Trajectory* smooth) {
   spline_problem_.a_max_mps2 = std::max(config_.limits.a_max_mps2, start.acceleration.cwiseAbs().maxCoeff());
   if (optimizers_[static_cast<std::size_t>(n) - 1].solve(spline_problem_, &spline_solution_) != SplineStatus::kSolved)
     return false;
-  *smooth = Trajectory(0, request.start_utime, config_.search.piece_us, n);
+  *smooth = Trajectory(0, request.start_utime, config_.search.piece, n);
   smooth->set_knot(0, start);
   for (int k = 1; k < n; ++k) {
     const ControlPoints piece = spline_solution_.control_points.middleCols<6>(6 * k);
@@ -228,9 +227,9 @@ bool Planner::is_within_limits(const Trajectory& trajectory) const {
 }
 
 bool Planner::is_flyable(const Trajectory& trajectory) {
-  const std::int64_t leave_us = path_.left_blocked ? std::llround(config_.search.leave_s * 1e6) : 0;
+  const Duration leave = path_.left_blocked ? to_duration(config_.search.leave_s) : 0us;
   return is_within_limits(trajectory) &&
-         space_.first_blocked({trajectory, {}}, trajectory.start_utime() + leave_us) == kNeverBlocked;
+         space_.first_blocked({trajectory, {}}, trajectory.start_utime() + leave) == kNever;
 }
 
 void Planner::add_planned(Candidate::Kind kind, const Trajectory& trajectory) {
@@ -240,7 +239,7 @@ void Planner::add_planned(Candidate::Kind kind, const Trajectory& trajectory) {
 void Planner::add_escape(const PlanRequest& request) {
   escape_search_.find(search_problem_, &escape_path_);
   result_.expansions += escape_path_.expansions;
-  candidates_.push_back({Candidate::Kind::kEscape, to_trajectory(escape_path_, escape_piece_us_, request.start_utime)});
+  candidates_.push_back({Candidate::Kind::kEscape, to_trajectory(escape_path_, escape_piece_, request.start_utime)});
   for (Candidate& candidate : candidates_)
     candidate.violation_cost = escape_search_.violation_cost({candidate.trajectory, {}});
   add_own_motion(request, escape_search_.violation_cost(request.own));

@@ -2,11 +2,10 @@
 #pragma once
 
 #include <array>
-#include <cstdint>
-#include <functional>
 #include <limits>
 #include <vector>
 
+#include "lcmtypes/bus/node_clock.h"
 #include "map_daemon/sogm.h"
 #include "planner_daemon/corridor/corridor.h"
 #include "planner_daemon/optimize/spline_qp.h"
@@ -26,9 +25,9 @@ struct PlannerConfig {
 };
 
 struct PlanRequest {
-  const Sogm* sogm = nullptr;    // obstacles only, not dilated
-  Motion own;                    // what this robot is bound to
-  std::int64_t start_utime = 0;  // the plan leaves the own motion here
+  const Sogm* sogm = nullptr;  // obstacles only, not dilated
+  Motion own;                  // what this robot is bound to
+  Utime start_utime{};         // the plan leaves the own motion here
   Eigen::Vector3d goal = Eigen::Vector3d::Zero();
   const std::vector<Peer>* peers = nullptr;
 };
@@ -74,8 +73,6 @@ class Planner {
  public:
   static constexpr double kUsableSpeed = 0.995;  // of v_max
 
-  using Stopwatch = std::function<std::int64_t()>;  // monotonic [ns]; may be null
-
   // Throws std::invalid_argument with name, value and rule.
   explicit Planner(const PlannerConfig& config, Stopwatch stopwatch = nullptr);
 
@@ -91,12 +88,12 @@ class Planner {
  private:
   // What looks far ahead serves several plans: made from which map, to which goal.
   struct CacheKey {
-    std::int64_t utime = 0;
+    Utime utime{};
     Eigen::Vector3i size = Eigen::Vector3i::Zero();  // of the window [voxels]
     double resolution_m = 0.0;
     Eigen::Vector3d goal = Eigen::Vector3d::Constant(std::numeric_limits<double>::quiet_NaN());
 
-    bool serves(const PlanRequest& request, std::int64_t longest_us) const;
+    bool serves(const PlanRequest& request, Duration longest) const;
   };
   static CacheKey cache_key(const PlanRequest& request);
 
@@ -117,7 +114,7 @@ class Planner {
 
   PlannerConfig config_;
   Stopwatch stopwatch_;
-  std::int64_t lap_ns_ = 0;
+  std::chrono::nanoseconds lap_began_{};
 
   ConfigurationSpace space_;
   ReachableSet reachable_;  // of the robot: all that the plan can touch
@@ -126,7 +123,7 @@ class Planner {
   CacheKey static_key_, space_time_key_;
   KinodynamicSearch search_;
   EscapeSearch escape_search_;
-  std::int32_t escape_piece_us_;
+  Duration escape_piece_;
   bool searches_finer_ = false;  // the newest search got stuck: the next one takes finer steps
   CorridorBuilder corridor_builder_;
   std::vector<SplineQp> optimizers_;  // [n - 1]: for n pieces

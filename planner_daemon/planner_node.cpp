@@ -1,9 +1,7 @@
 #include "planner_daemon/planner_node.h"
 
 #include <algorithm>
-#include <cmath>
 #include <iterator>
-#include <limits>
 #include <stdexcept>
 
 #include "lcmtypes/bus/channels.h"
@@ -15,19 +13,14 @@ namespace {
 using sogm_swarm::announcement_t;
 using sogm_swarm::planner_status_t;
 
-constexpr std::int64_t kMaxAge_us = 1'000'000;
-constexpr std::int64_t kStatusPeriod_us = 1'000'000;
-constexpr std::int64_t kSilent_us = 500'000;      // a peer that was not heard for so long may have to step aside unseen
-constexpr std::int64_t kUrgent_us = 1'000'000;    // before an obstacle comes, a plan must begin to get out of its way
-constexpr std::int64_t kMaxAhead_us = 2'000'000;  // no plan of ours begins later
-constexpr std::int64_t kGetAway_us = 600'000;     // and can begin at the latest
-constexpr std::int64_t kLastMoment_us = 10'000;   // so long before it begins, the broadcaster commits what is urgent
+constexpr Duration kMaxAge = 1s;
+constexpr Duration kStatusPeriod = 1s;
+constexpr Duration kSilent = 500ms;     // a peer that was not heard for so long may have to step aside unseen
+constexpr Duration kUrgent = 1s;        // before an obstacle comes, a plan must begin to get out of its way
+constexpr Duration kMaxAhead = 2s;      // no plan of ours begins later
+constexpr Duration kGetAway = 600ms;    // and can begin at the latest
+constexpr Duration kLastMoment = 10ms;  // so long before it begins, the broadcaster commits what is urgent
 constexpr double kApart_m = 0.5, kArrived_m = 0.1;
-constexpr std::int64_t kNever = std::numeric_limits<std::int64_t>::max();
-
-std::int64_t to_us(double seconds) {
-  return std::llround(seconds * 1e6);
-}
 
 }  // namespace
 
@@ -51,8 +44,7 @@ void declare(OptionSet& options, PlannerNodeConfig& config) {
               "flight space of the robot's centre, lower corner");
   options.add("space-max", &planner.limits.space_max, -1e5, 1e5, "m",
               "flight space of the robot's centre, upper corner");
-  options.add("piece-us", &planner.search.piece_us, 10'000, 10'000'000, "us",
-              "duration of a motion primitive and trajectory piece");
+  options.add("piece-us", &planner.search.piece, 10ms, 10s, "duration of a motion primitive and trajectory piece");
   options.add("pieces", &planner.search.num_pieces, 2, Trajectory::kMaxPieces, "",
               "horizon in pieces, braking to rest included");
   options.add("max-expansions", &planner.search.max_expansions, 10, 5000, "", "budget of the search; 10 kB each");
@@ -89,7 +81,7 @@ void verify(const PlannerNodeConfig& config) {
   }
 }
 
-PlannerNode::PlannerNode(const PlannerNodeConfig& config, std::int32_t boot, Planner::Stopwatch stopwatch,
+PlannerNode::PlannerNode(const PlannerNodeConfig& config, std::int32_t boot, Stopwatch stopwatch,
                          bool publish_durations)
     : config_(config),
       publish_durations_(publish_durations),
@@ -105,29 +97,28 @@ std::vector<Subscription> PlannerNode::subscriptions() const {
           {BusId::kOnboard, channel::kGoal}};
 }
 
-void PlannerNode::on_message(std::int64_t now_us, BusId, std::string_view channel, std::span<const std::uint8_t> bytes,
-                             Outbox&) {
+void PlannerNode::on_message(Utime now, BusId, std::string_view channel, std::span<const std::uint8_t> bytes, Outbox&) {
   Refusal refusal = Refusal::kNone;
   if (channel == channel::kSogm) {
-    refusal = on_sogm(now_us, bytes);
+    refusal = on_sogm(now, bytes);
   } else if (channel == channel::kOwnTrajectory) {
     refusal = on_own(bytes);
   } else if (channel == channel::kPeerTrajectory) {
-    refusal = on_peer(now_us, bytes);
+    refusal = on_peer(now, bytes);
   } else if (channel == channel::kGoal) {
     refusal = on_goal(bytes);
   }
   if (refusal != Refusal::kNone) refused_.count(refusal);
 }
 
-TimeWindow PlannerNode::window(std::int64_t now_us) const {
-  return {now_us, kMaxAge_us, to_us(config_.clock_limit_s)};
+TimeWindow PlannerNode::window(Utime now) const {
+  return {now, kMaxAge, to_duration(config_.clock_limit_s)};
 }
 
-Refusal PlannerNode::on_sogm(std::int64_t now_us, std::span<const std::uint8_t> bytes) {
+Refusal PlannerNode::on_sogm(Utime now, std::span<const std::uint8_t> bytes) {
   sogm_swarm::sogm_t part;
   // Parts of one map have one number: in which order is for the assembler to say.
-  const Refusal refusal = receive(bytes, FromRobot{config_.robot_id}, window(now_us), AnyOrder(), &part);
+  const Refusal refusal = receive(bytes, FromRobot{config_.robot_id}, window(now), AnyOrder(), &part);
   if (refusal != Refusal::kNone) return refusal;
   const Assembly assembly = assembler_.add(part, &map_);
   if (assembly.status == AssemblyStatus::kComplete) {
@@ -141,22 +132,23 @@ Refusal PlannerNode::on_own(std::span<const std::uint8_t> bytes) {
   announcement_t message;
   const Refusal refusal = receive(bytes, FromRobot{config_.robot_id}, TimeWindow(), own_gate_, &message);
   if (refusal != Refusal::kNone) return refusal;
+  const Utime sent = to_utime(message.header.utime), announced = to_utime(message.pending_stamp);
   const std::int32_t bound_to = own_ ? own_->next.seq() : 0;
   const Trajectory waited = pending_;
   own_ = motion_of(message);
   pending_ = pending_of(message);
   if (!own_->next.empty() && own_->next.seq() != bound_to && own_->next.seq() == message.forced_seq) {
-    commit_delay_.missed(1e-6 * static_cast<double>(own_->next.start_utime() - message.pending_stamp));
+    commit_delay_.missed(to_seconds(own_->next.start_utime() - announced));
   } else if (!own_->next.empty() && own_->next.seq() != bound_to) {
-    commit_delay_.committed(1e-6 * static_cast<double>(message.header.utime - message.pending_stamp));
-  } else if (pending_.seq() != waited.seq() && !waited.empty() && message.header.utime >= waited.start_utime()) {
-    commit_delay_.missed(1e-6 * static_cast<double>(waited.start_utime() - pending_stamp_));
+    commit_delay_.committed(to_seconds(sent - announced));
+  } else if (pending_.seq() != waited.seq() && !waited.empty() && sent >= waited.start_utime()) {
+    commit_delay_.missed(to_seconds(waited.start_utime() - pending_stamp_));
   }
-  pending_stamp_ = message.pending_stamp;
+  pending_stamp_ = announced;
   return Refusal::kNone;
 }
 
-Refusal PlannerNode::on_peer(std::int64_t now_us, std::span<const std::uint8_t> bytes) {
+Refusal PlannerNode::on_peer(Utime now, std::span<const std::uint8_t> bytes) {
   announcement_t message;
   const auto from_peer = [this](const announcement_t& m) {
     const int id = m.header.robot_id;
@@ -168,15 +160,15 @@ Refusal PlannerNode::on_peer(std::int64_t now_us, std::span<const std::uint8_t> 
     if (is_new) peer_list_.emplace_back();
     return found->second.gate.pass(m.header);
   };
-  const Refusal refusal = receive(bytes, from_peer, window(now_us), in_order, &message);
+  const Refusal refusal = receive(bytes, from_peer, window(now), in_order, &message);
   if (refusal != Refusal::kNone) return refusal;
   PeerEntry& entry = peers_.at(message.header.robot_id);
-  commit_delay_.heard(1e-6 * static_cast<double>(std::max<std::int64_t>(0, now_us - message.header.utime)));
+  commit_delay_.heard(to_seconds(std::max(0us, now - to_utime(message.header.utime))));
   Peer& peer = peer_list_[entry.place];
   peer.motion = motion_of(message);
   peer.pending = pending_of(message);
   peer.radius_m = message.radius;
-  entry.heard_us = now_us;
+  entry.heard = now;
   peer.space = space_of(peer.motion, peer.pending);
   return Refusal::kNone;
 }
@@ -190,40 +182,40 @@ Refusal PlannerNode::on_goal(std::span<const std::uint8_t> bytes) {
 }
 
 // All moves when it did; by which clock that is told anew.
-bool PlannerNode::on_clock_step(std::int64_t, std::int64_t step_us) {
-  const auto shift = [step_us](Motion& motion, Trajectory& pending) {
-    for (Trajectory* known : {&motion.committed, &motion.next, &pending}) known->shift(step_us);
+bool PlannerNode::on_clock_step(Utime, Duration step) {
+  const auto shift = [step](Motion& motion, Trajectory& pending) {
+    for (Trajectory* known : {&motion.committed, &motion.next, &pending}) known->shift(step);
   };
   if (own_) shift(*own_, pending_);
   for (Peer& peer : peer_list_) shift(peer.motion, peer.pending);
-  for (auto& [id, entry] : peers_) entry.heard_us += step_us;
+  for (auto& [id, entry] : peers_) entry.heard += step;
   return true;
 }
 
-std::int64_t PlannerNode::step(std::int64_t now_us, Outbox& outbox) {
+Utime PlannerNode::step(Utime now, Outbox& outbox) {
   const bool has_map = map_.num_frames > 0;
   // After the clock was set back, the map may be of the future.
-  const bool stale = has_map && check_time(map_.start_utime, now_us, to_us(config_.stale_map_s),
-                                           to_us(config_.clock_limit_s)) != Refusal::kNone;
-  std::int64_t wake = std::max(status_.due_us(now_us, kStatusPeriod_us), now_us + 1);
+  const bool stale = has_map && check_time(map_.start_utime, now, to_duration(config_.stale_map_s),
+                                           to_duration(config_.clock_limit_s)) != Refusal::kNone;
+  Utime wake = std::max(status_.due(now, kStatusPeriod), now + 1us);
   if (map_is_new_ && own_ && !stale) {
     // One plan at a time: one that has not begun yet is waited for, whether it is committed or pending.
-    const std::int64_t period_due = plan_.due_us(now_us, to_us(config_.period_s));
-    std::int64_t due = period_due;
+    const Utime period_due = plan_.due(now, to_duration(config_.period_s));
+    Utime due = period_due;
     for (const Trajectory* coming : {&own_->next, &pending_}) {
       if (!coming->empty()) due = std::max(due, coming->start_utime());
     }
     // But not for a patient one while an obstacle comes.
-    const bool is_patient = own_->next.empty() && !pending_.empty() && pending_.start_utime() != urgent_start_us_;
-    const std::int64_t coming_us = std::min(pending_.start_utime(), now_us + kMaxAhead_us);
-    if (now_us < due && is_patient && touch_utime(now_us, coming_us + kUrgent_us) != kNever) due = period_due;
-    if (now_us < due) {
+    const bool is_patient = own_->next.empty() && !pending_.empty() && pending_.start_utime() != urgent_start_;
+    const Utime latest = std::min(pending_.start_utime(), now + kMaxAhead);
+    if (now < due && is_patient && touch_utime(now, latest + kUrgent) != kNever) due = period_due;
+    if (now < due) {
       wake = std::min(wake, due);
     } else {
-      plan(now_us, outbox);
+      plan(now, outbox);
     }
   }
-  if (now_us >= status_.due_us(now_us, kStatusPeriod_us)) {
+  if (now >= status_.due(now, kStatusPeriod)) {
     std::int16_t state = planner_status_t::kPlanning;
     if (!has_map)
       state = planner_status_t::kNoMap;
@@ -233,32 +225,32 @@ std::int64_t PlannerNode::step(std::int64_t now_us, Outbox& outbox) {
       state = planner_status_t::kNoCommitted;
     else if (!goal_)
       state = planner_status_t::kNoGoal;
-    publish_status(now_us, state, outbox);
-    wake = std::min(wake, status_.due_us(now_us, kStatusPeriod_us));
+    publish_status(now, state, outbox);
+    wake = std::min(wake, status_.due(now, kStatusPeriod));
   }
-  return std::max(wake, now_us + 1);
+  return std::max(wake, now + 1us);
 }
 
-std::int64_t PlannerNode::touch_utime(std::int64_t now_us, std::int64_t until_utime) const {
-  return first_touch(map_, *own_, config_.planner.space.blocked_m(), now_us, until_utime);
+Utime PlannerNode::touch_utime(Utime now, Utime until) const {
+  return first_touch(map_, *own_, config_.planner.space.blocked_m(), now, until);
 }
 
 // Late enough for the peers' answers; but an obstacle's way is left before it comes, and the earlier the more time
 // there is for answers until then.
-std::int64_t PlannerNode::start_utime(std::int64_t now_us) {
-  const std::int64_t planned_us = now_us + to_us(config_.lead_s);
-  const std::int64_t patient_us = planned_us + to_us(commit_delay_.lead_s());
-  const std::int64_t touch_us = touch_utime(now_us, patient_us + kUrgent_us);
-  urgent_start_us_ = 0;
-  if (touch_us == kNever) return patient_us;
-  const std::int64_t answered_us = planned_us + to_us(commit_delay_.usual_s()) + kLastMoment_us;
-  const std::int64_t early_us = std::max(answered_us, touch_us - kUrgent_us), late_us = touch_us - kGetAway_us;
-  urgent_start_us_ = std::max(planned_us + 2 * kLastMoment_us, std::min(early_us, late_us));
-  return urgent_start_us_;
+Utime PlannerNode::start_utime(Utime now) {
+  const Utime planned = now + to_duration(config_.lead_s);
+  const Utime patient = planned + to_duration(commit_delay_.lead_s());
+  const Utime touch = touch_utime(now, patient + kUrgent);
+  urgent_start_.reset();
+  if (touch == kNever) return patient;
+  const Utime answered = planned + to_duration(commit_delay_.usual_s()) + kLastMoment;
+  const Utime early = std::max(answered, touch - kUrgent), late = touch - kGetAway;
+  urgent_start_ = std::max(planned + 2 * kLastMoment, std::min(early, late));
+  return *urgent_start_;
 }
 
 // From there every plan would be in the peer's way, and be refused for ever.
-std::optional<Eigen::Vector3d> PlannerNode::place_apart(std::int64_t utime) const {
+std::optional<Eigen::Vector3d> PlannerNode::place_apart(Utime utime) const {
   const Eigen::Vector3d place = own_->at(utime).position;
   if (own_->end_utime() > utime || (place - request_.goal).norm() < kArrived_m) return {};
   const double usual_m = config_.planner.space.blocked_m() + 0.5 * map_.geometry.resolution_m;
@@ -271,14 +263,14 @@ std::optional<Eigen::Vector3d> PlannerNode::place_apart(std::int64_t utime) cons
   return {};
 }
 
-void PlannerNode::plan(std::int64_t now_us, Outbox& outbox) {
+void PlannerNode::plan(Utime now, Outbox& outbox) {
   map_is_new_ = false;
-  plan_.done(now_us);
+  plan_.done(now);
 
   request_.sogm = &map_;
   request_.own = *own_;
-  request_.start_utime = start_utime(now_us);
-  const bool is_urgent = urgent_start_us_ != 0;
+  request_.start_utime = start_utime(now);
+  const bool is_urgent = urgent_start_.has_value();
   // Without a goal the robot holds its place, but steps aside like any other.
   if (!hold_) hold_ = own_->at(own_->end_utime()).position;
   request_.goal = goal_.value_or(*hold_);
@@ -286,30 +278,30 @@ void PlannerNode::plan(std::int64_t now_us, Outbox& outbox) {
   // A plan that must do without answers may meet others': it only steps aside.
   if (is_urgent && commit_delay_.is_unanswered()) request_.goal = own_->at(own_->end_utime()).position;
   for (auto& [id, entry] : peers_) {
-    entry.heard_us = std::min(entry.heard_us, now_us);
-    peer_list_[entry.place].silent = now_us - entry.heard_us > kSilent_us;
+    entry.heard = std::min(entry.heard, now);
+    peer_list_[entry.place].silent = now - entry.heard > kSilent;
   }
   request_.peers = &peer_list_;
   newest_ = &planner_.plan(request_);
 
   ++plans_;
-  plan_times_.push_back(now_us);
+  plan_times_.push_back(now);
   if (newest_->fly) {
     sogm_swarm::candidate_t candidate{};
-    candidate.header = candidate_headers_.next(now_us);
+    candidate.header = candidate_headers_.next(now);
     Trajectory trajectory = newest_->trajectory;
     trajectory.set_seq(++candidate_seq_);
     candidate.trajectory = trajectory.to_wire();
     candidate.urgent = is_urgent ? 1 : 0;
     outbox.publish(BusId::kOnboard, channel::kCandidate, candidate);
-    publish_corridors(now_us, outbox);
+    publish_corridors(now, outbox);
   }
-  publish_status(now_us, planner_status_t::kPlanning, outbox);
+  publish_status(now, planner_status_t::kPlanning, outbox);
 }
 
-void PlannerNode::publish_corridors(std::int64_t now_us, Outbox& outbox) {
+void PlannerNode::publish_corridors(Utime now, Outbox& outbox) {
   sogm_swarm::corridors_t message{};
-  message.header = corridor_headers_.next(now_us);
+  message.header = corridor_headers_.next(now);
   message.trajectory_seq = candidate_seq_;
   for (std::size_t piece = 0; piece < newest_->corridors.size(); ++piece) {
     const Polytope& polytope = newest_->corridors[piece];
@@ -325,11 +317,11 @@ void PlannerNode::publish_corridors(std::int64_t now_us, Outbox& outbox) {
   outbox.publish(BusId::kOnboard, channel::kCorridors, message);
 }
 
-void PlannerNode::publish_status(std::int64_t now_us, std::int16_t state, Outbox& outbox) {
-  while (!plan_times_.empty() && plan_times_.front() <= now_us - 1'000'000) plan_times_.pop_front();
-  while (!plan_times_.empty() && plan_times_.back() > now_us) plan_times_.pop_back();
+void PlannerNode::publish_status(Utime now, std::int16_t state, Outbox& outbox) {
+  while (!plan_times_.empty() && plan_times_.front() <= now - 1s) plan_times_.pop_front();
+  while (!plan_times_.empty() && plan_times_.back() > now) plan_times_.pop_back();
   planner_status_t status{};
-  status.header = status_headers_.next(now_us);
+  status.header = status_headers_.next(now);
   status.state = state;
   status.plans = plans_;
   status.missed = missed_;
@@ -348,7 +340,7 @@ void PlannerNode::publish_status(std::int64_t now_us, std::int16_t state, Outbox
   }
   refused_.copy_to(status.refused);
   outbox.publish(BusId::kOnboard, channel::kPlannerStatus, status);
-  status_.done(now_us);
+  status_.done(now);
 }
 
 }  // namespace swarm

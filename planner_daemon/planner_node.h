@@ -34,14 +34,13 @@ void verify(const PlannerNodeConfig& config);
 class PlannerNode : public Node {
  public:
   // `boot`: grows at every start. `stopwatch` null: messages carry zero durations.
-  PlannerNode(const PlannerNodeConfig& config, std::int32_t boot, Planner::Stopwatch stopwatch,
-              bool publish_durations = true);
+  PlannerNode(const PlannerNodeConfig& config, std::int32_t boot, Stopwatch stopwatch, bool publish_durations = true);
 
   std::vector<Subscription> subscriptions() const override;
-  void on_message(std::int64_t now_us, BusId bus, std::string_view channel, std::span<const std::uint8_t> bytes,
+  void on_message(Utime now, BusId bus, std::string_view channel, std::span<const std::uint8_t> bytes,
                   Outbox& outbox) override;
-  std::int64_t step(std::int64_t now_us, Outbox& outbox) override;
-  bool on_clock_step(std::int64_t now_us, std::int64_t step_us) override;
+  Utime step(Utime now, Outbox& outbox) override;
+  bool on_clock_step(Utime now, Duration step) override;
 
   const PlanResult& newest_plan() const { return newest_ != nullptr ? *newest_ : no_plan_; }
   const PlanRequest& newest_request() const { return request_; }  // what it was made for; only right after the plan
@@ -50,19 +49,19 @@ class PlannerNode : public Node {
   const RefusalCounts& refused() const { return refused_; }
 
  private:
-  Refusal on_sogm(std::int64_t now_us, std::span<const std::uint8_t> bytes);
+  Refusal on_sogm(Utime now, std::span<const std::uint8_t> bytes);
   Refusal on_own(std::span<const std::uint8_t> bytes);
-  Refusal on_peer(std::int64_t now_us, std::span<const std::uint8_t> bytes);
+  Refusal on_peer(Utime now, std::span<const std::uint8_t> bytes);
   Refusal on_goal(std::span<const std::uint8_t> bytes);
-  TimeWindow window(std::int64_t now_us) const;  // when maps and peers' announcements must be of to be taken
-  // When an obstacle comes within the clearance of what the robot is bound to; INT64_MAX: not until then.
-  std::int64_t touch_utime(std::int64_t now_us, std::int64_t until_utime) const;
-  std::int64_t start_utime(std::int64_t now_us);  // of the next plan
+  TimeWindow window(Utime now) const;  // when maps and peers' announcements must be of to be taken
+  // When an obstacle comes within the clearance of what the robot is bound to; kNever: not until then.
+  Utime touch_utime(Utime now, Utime until) const;
+  Utime start_utime(Utime now);  // of the next plan
   // A place farther from a peer beside which the robot rests, closer than plans may pass; none: there is no such peer.
-  std::optional<Eigen::Vector3d> place_apart(std::int64_t utime) const;
-  void plan(std::int64_t now_us, Outbox& outbox);
-  void publish_corridors(std::int64_t now_us, Outbox& outbox);
-  void publish_status(std::int64_t now_us, std::int16_t state, Outbox& outbox);
+  std::optional<Eigen::Vector3d> place_apart(Utime utime) const;
+  void plan(Utime now, Outbox& outbox);
+  void publish_corridors(Utime now, Outbox& outbox);
+  void publish_status(Utime now, std::int16_t state, Outbox& outbox);
 
   PlannerNodeConfig config_;
   bool publish_durations_;
@@ -74,9 +73,9 @@ class PlannerNode : public Node {
   Sogm map_;                 // the newest complete one
   bool map_is_new_ = false;  // not planned with yet
   std::optional<Motion> own_;
-  Trajectory pending_;                // of our plans: waits for acknowledgements; may be empty
-  std::int64_t pending_stamp_ = 0;    // when it was announced
-  std::int64_t urgent_start_us_ = 0;  // of the newest plan; 0: it is not urgent
+  Trajectory pending_;                 // of our plans: waits for acknowledgements; may be empty
+  Utime pending_stamp_{};              // when it was announced
+  std::optional<Utime> urgent_start_;  // of the newest plan; none: it is not urgent
   CommitDelay commit_delay_;
   std::optional<Eigen::Vector3d> goal_;
   std::optional<Eigen::Vector3d> hold_;  // where it rested when planning began: the goal until there is one
@@ -84,15 +83,15 @@ class PlannerNode : public Node {
   struct PeerEntry {
     SequenceGate gate;
     std::size_t place;  // in peer_list_
-    std::int64_t heard_us = 0;
+    Utime heard{};
   };
   std::map<int, PeerEntry> peers_;
   std::vector<Peer> peer_list_;  // as heard, handed to the planner
   PlanRequest request_;
 
   const PlanResult* newest_ = nullptr;
-  const PlanResult no_plan_{};           // before the first
-  std::deque<std::int64_t> plan_times_;  // within the last second
+  const PlanResult no_plan_{};    // before the first
+  std::deque<Utime> plan_times_;  // within the last second
   Recurring plan_, status_;
   std::int32_t plans_ = 0, missed_ = 0, candidate_seq_ = 0;
 };

@@ -28,8 +28,9 @@ int audit_command(int argc, const char* const* argv) try {
               static_cast<long long>(audit.motions()), static_cast<long long>(audit.forced()),
               audit.conflicts().size());
   for (const CommitConflict& c : audit.conflicts()) {
-    std::printf("  %lld: robot %d (trajectory %d) and robot %d (trajectory %d)%s\n", static_cast<long long>(c.utime),
-                c.robot, c.seq, c.other, c.other_seq, c.forced ? ", forced" : "");
+    std::printf("  %lld: robot %d (trajectory %d) and robot %d (trajectory %d)%s\n",
+                static_cast<long long>(to_us(c.utime)), c.robot, c.seq, c.other, c.other_seq,
+                c.forced ? ", forced" : "");
   }
   return std::ranges::all_of(audit.conflicts(), &CommitConflict::forced) ? 0 : 1;
 } catch (const std::exception& error) {

@@ -118,9 +118,9 @@ Refusal decode(std::span<const std::uint8_t> bytes, T* message) {
 SWARM_MESSAGES(SWARM_INSTANTIATE)
 #undef SWARM_INSTANTIATE
 
-Refusal check_time(std::int64_t utime, std::int64_t now_us, std::int64_t max_age_us, std::int64_t max_ahead_us) {
+Refusal check_time(Utime utime, Utime now, Duration max_age, Duration max_ahead) {
   // Any `utime` may come in: the bounds are moved, not `utime`.
-  return utime >= now_us - max_age_us && utime <= now_us + max_ahead_us ? Refusal::kNone : Refusal::kTime;
+  return utime >= now - max_age && utime <= now + max_ahead ? Refusal::kNone : Refusal::kTime;
 }
 
 Refusal SequenceGate::pass(const header_t& header) {

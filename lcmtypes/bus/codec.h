@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "lcmtypes/bus/messages.h"
+#include "lcmtypes/bus/time.h"
 
 namespace swarm {
 
@@ -52,9 +53,8 @@ void encode(const T& message, std::vector<std::uint8_t>* bytes);
 template <class T>
 [[nodiscard]] Refusal decode(std::span<const std::uint8_t> bytes, T* message);
 
-// kTime when `utime` is more than `max_age_us` before or more than `max_ahead_us` after `now_us`.
-[[nodiscard]] Refusal check_time(std::int64_t utime, std::int64_t now_us, std::int64_t max_age_us,
-                                 std::int64_t max_ahead_us);
+// kTime when `utime` is more than `max_age` before or more than `max_ahead` after `now`.
+[[nodiscard]] Refusal check_time(Utime utime, Utime now, Duration max_age, Duration max_ahead);
 
 // Lets only newer messages of one sender and channel pass: ordered by (boot, seq).
 class SequenceGate {

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 
+#include "lcmtypes/bus/time.h"
 #include "sogm_swarm/header_t.hpp"
 
 namespace swarm {
@@ -12,13 +13,13 @@ class HeaderSource {
   // `boot` must grow at every start of the sender: new_boot() on onboard buses.
   HeaderSource(int robot_id, std::int32_t boot) : robot_id_(robot_id), boot_(boot) {}
 
-  sogm_swarm::header_t next(std::int64_t utime) {
+  sogm_swarm::header_t next(Utime utime) {
     sogm_swarm::header_t header{};
     header.schema_version = sogm_swarm::header_t::kSchemaVersion;
     header.robot_id = static_cast<std::int16_t>(robot_id_);
     header.boot = boot_;
     header.seq = seq_++;
-    header.utime = utime;
+    header.utime = to_us(utime);
     return header;
   }
 

@@ -58,7 +58,7 @@ bool LcmLog::read(LogEvent* event) {
       from + static_cast<std::int64_t>(kHeader + channel + data) > size_)
     return false;
   event->offset = from;
-  event->utime = static_cast<std::int64_t>(number(fields.subspan(12, 8)));
+  event->utime = to_utime(static_cast<std::int64_t>(number(fields.subspan(12, 8))));
   event->channel.resize(channel);
   event->bytes.resize(data);
   file_.read(event->channel.data(), static_cast<std::streamsize>(channel));

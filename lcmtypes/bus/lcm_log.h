@@ -7,10 +7,12 @@
 #include <string>
 #include <vector>
 
+#include "lcmtypes/bus/time.h"
+
 namespace swarm {
 
 struct LogEvent {
-  std::int64_t utime = 0;  // when it was recorded [us since epoch]
+  Utime utime{};  // when it was recorded
   std::string channel;
   std::vector<std::uint8_t> bytes;
   std::int64_t offset = 0;  // in the file, where it begins

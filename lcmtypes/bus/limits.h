@@ -3,6 +3,7 @@
 
 #include <cstdint>
 
+#include "lcmtypes/bus/time.h"
 #include "sogm_swarm/announcement_t.hpp"
 #include "sogm_swarm/corridors_t.hpp"
 #include "sogm_swarm/obstacle_voxels_t.hpp"
@@ -33,7 +34,7 @@ inline constexpr int kMaxWorldIndex = 1 << 30;  // of a voxel, either sign: sums
 inline constexpr double kMaxPosition_m = 1e5;
 inline constexpr double kMaxVelocity_mps = 100.0;
 inline constexpr double kMaxAcceleration_mps2 = 1e3;
-inline constexpr std::int64_t kMaxUtime = std::int64_t{1} << 53;  // sums of times never overflow
+inline constexpr Utime kMaxUtime = to_utime(std::int64_t{1} << 53);  // sums of times never overflow
 
 static_assert(kMaxParts * kMaxPartBytes <= kMaxCompressedMapBytes, "what parts can carry may be said");
 static_assert(kMaxVoxelsPerFrame / 8 <= kMaxMapBytes, "a frame fits a map");

@@ -10,6 +10,7 @@
 
 #include "lcmtypes/bus/channels.h"
 #include "lcmtypes/bus/codec.h"
+#include "lcmtypes/bus/time.h"
 
 namespace swarm {
 
@@ -45,19 +46,17 @@ class Node {
   virtual std::vector<Subscription> subscriptions() const = 0;
 
   // One message of a subscribed channel. `bytes` may be anything at all; it is valid during the call only.
-  virtual void on_message(std::int64_t now_us, BusId bus, std::string_view channel, std::span<const std::uint8_t> bytes,
+  virtual void on_message(Utime now, BusId bus, std::string_view channel, std::span<const std::uint8_t> bytes,
                           Outbox& outbox) = 0;
 
-  // Does what is due at `now_us`. Called after every batch of messages and at the returned time at the latest.
-  // Returns the next time it wants to be called [us since epoch], later than `now_us`.
-  virtual std::int64_t step(std::int64_t now_us, Outbox& outbox) = 0;
+  // Does what is due at `now`. Called after every batch of messages and at the returned time at the latest.
+  // Returns the next time it wants to be called, later than `now`.
+  virtual Utime step(Utime now, Outbox& outbox) = 0;
 
-  // The computer's wall clock was stepped: from the next call on, times shall be later by `step_us` (earlier where it
-  // is negative). True: so they will be. False: not now; time goes on as it is, and the node is asked again before
+  // The computer's wall clock was stepped: from the next call on, times shall be later by `step` (earlier where it is
+  // negative). True: so they will be. False: not now; time goes on as it is, and the node is asked again before
   // every step. 0: the clock is back where it was, and nothing changes.
-  virtual bool on_clock_step([[maybe_unused]] std::int64_t now_us, [[maybe_unused]] std::int64_t step_us) {
-    return true;
-  }
+  virtual bool on_clock_step([[maybe_unused]] Utime now, [[maybe_unused]] Duration step) { return true; }
 };
 
 }  // namespace swarm

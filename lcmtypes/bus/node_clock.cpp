@@ -3,60 +3,64 @@
 #include <time.h>
 
 #include <algorithm>
-#include <cstdlib>
-#include <limits>
 #include <utility>
 
 namespace swarm {
 namespace {
 
-std::int64_t read_us(clockid_t clock) {
+Duration read(clockid_t clock) {
   timespec time{};
   ::clock_gettime(clock, &time);
-  return std::int64_t{time.tv_sec} * 1'000'000 + time.tv_nsec / 1000;
+  return std::chrono::seconds(time.tv_sec) +
+         std::chrono::duration_cast<Duration>(std::chrono::nanoseconds(time.tv_nsec));
 }
 
 }  // namespace
 
-std::int64_t wall_utime() {
-  return read_us(CLOCK_REALTIME);
+Utime wall_utime() {
+  return Utime(read(CLOCK_REALTIME));
 }
 
-std::int64_t steady_us() {
-  return read_us(CLOCK_BOOTTIME);
+Duration uptime() {
+  return read(CLOCK_BOOTTIME);
+}
+
+std::chrono::nanoseconds stopwatch() {
+  return std::chrono::steady_clock::now().time_since_epoch();
 }
 
 ClockReading read_clocks() {
-  constexpr std::int64_t kSame_us = 100;
+  constexpr Duration kSame = 100us;
   constexpr int kTries = 5;
   ClockReading best;
-  std::int64_t least_us = std::numeric_limits<std::int64_t>::max(), before_us = steady_us();
-  for (int i = 0; i < kTries && least_us > kSame_us; ++i) {
-    const std::int64_t wall_us = wall_utime(), after_us = steady_us();
-    if (after_us - before_us < least_us) best = {before_us + (after_us - before_us) / 2, wall_us};
-    least_us = std::min(least_us, after_us - before_us);
-    before_us = after_us;
+  Duration least = Duration::max(), before = uptime();
+  for (int i = 0; i < kTries && least > kSame; ++i) {
+    const Utime wall = wall_utime();
+    const Duration after = uptime();
+    if (after - before < least) best = {before + (after - before) / 2, wall};
+    least = std::min(least, after - before);
+    before = after;
   }
   return best;
 }
 
-std::int64_t NodeClock::read(const ClockReading& reading) {
-  const std::int64_t passed_us = std::max<std::int64_t>(reading.steady_us - steady_us_, 0);
-  steady_us_ += passed_us;
-  const std::int64_t ahead_us = reading.wall_us - (steady_us_ + offset_us_);
-  if (std::abs(ahead_us) > kStep_us) {
-    step_us_ = ahead_us;
+Utime NodeClock::read(const ClockReading& reading) {
+  const Duration passed = std::max(reading.uptime - uptime_, Duration());
+  uptime_ += passed;
+  const Duration ahead = reading.wall - (started_ + uptime_);
+  if (std::chrono::abs(ahead) > kStep) {
+    step_ = ahead;
   } else {
-    step_us_ = 0;
-    const std::int64_t most_us = (rest_us_ + passed_us) / kSlewShare;
-    rest_us_ = (rest_us_ + passed_us) % kSlewShare;
-    offset_us_ += std::clamp(ahead_us, -most_us, most_us);
+    step_ = Duration();
+    const Duration most = (rest_ + passed) / kSlewShare;
+    rest_ = (rest_ + passed) % kSlewShare;
+    started_ += std::clamp(ahead, -most, most);
   }
-  return steady_us_ + offset_us_;
+  return started_ + uptime_;
 }
 
 void NodeClock::adopt_step() {
-  offset_us_ += std::exchange(step_us_, 0);
+  started_ += std::exchange(step_, Duration());
 }
 
 }  // namespace swarm

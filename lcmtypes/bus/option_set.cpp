@@ -160,6 +160,16 @@ void OptionSet::add(const std::string& name, int* value, int low, int high, cons
                       number_setter(value, low, high), [value] { return format(*value); }});
 }
 
+void OptionSet::add(const std::string& name, Duration* value, Duration low, Duration high, const std::string& help) {
+  const auto set = [=](const std::string& text) {
+    const auto number = parse_number(text, low.count(), high.count());
+    if (number) *value = Duration(*number);
+    return number.has_value();
+  };
+  entries_.push_back({name, "us", help, "a whole number " + range(low.count(), high.count(), "us"), false, false, set,
+                      [value] { return format(value->count()); }});
+}
+
 void OptionSet::add(const std::string& name, Eigen::Vector3d* value, double low, double high, const std::string& unit,
                     const std::string& help) {
   const auto set = [=](const std::string& text) {

@@ -8,6 +8,8 @@
 #include <string>
 #include <vector>
 
+#include "lcmtypes/bus/time.h"
+
 namespace swarm {
 
 // What is wrong with the options: one line with name, value and rule. Programs print it and exit with code 2.
@@ -31,6 +33,8 @@ class OptionSet {
   void add(const std::string& name, double* value, double low, double high, const std::string& unit,
            const std::string& help);
   void add(const std::string& name, int* value, int low, int high, const std::string& unit, const std::string& help);
+  // Given in whole microseconds.
+  void add(const std::string& name, Duration* value, Duration low, Duration high, const std::string& help);
   // Given as "x,y,z".
   void add(const std::string& name, Eigen::Vector3d* value, double low, double high, const std::string& unit,
            const std::string& help);

@@ -9,7 +9,6 @@
 #include <boost/asio/posix/stream_descriptor.hpp>
 #include <boost/asio/steady_timer.hpp>
 #include <chrono>
-#include <cmath>
 #include <cstdlib>
 #include <iostream>
 #include <optional>
@@ -21,13 +20,11 @@
 namespace swarm {
 namespace {
 
-using namespace std::chrono_literals;
-using std::chrono::microseconds;
 using std::chrono::steady_clock;
 
 // The longest sleep: a system clock that jumps is noticed within it.
-constexpr microseconds kMaxSleep = 100ms;
-constexpr microseconds kClockJump = 50ms;
+constexpr Duration kMaxSleep = 100ms;
+constexpr Duration kClockJump = 50ms;
 
 // Lets one warning per second pass.
 class RateLimit {
@@ -91,7 +88,7 @@ class RealtimeHost::Seat : public Outbox {
   }
 
   bool holds(const Node& node) const { return &node_ == &node; }
-  void deliver(const std::function<void(std::int64_t, Outbox&)>& with) {
+  void deliver(const std::function<void(Utime, Outbox&)>& with) {
     with(now(), *this);
     step();
   }
@@ -129,18 +126,17 @@ class RealtimeHost::Seat : public Outbox {
 
   void step() {
     watch_clock();
-    const std::int64_t next = node_.step(now(), *this);
-    const microseconds sleep(std::clamp<std::int64_t>(next - now(), 0, kMaxSleep.count()));
-    timer_.expires_after(sleep);
+    const Utime next = node_.step(now(), *this);
+    timer_.expires_after(std::clamp(next - now(), Duration(), kMaxSleep));
     timer_.async_wait([this](const boost::system::error_code& error) {
       if (!error) step();
     });
   }
 
-  std::int64_t now() {
+  Utime now() {
     const ClockReading reading = config_.read();
-    const std::int64_t node_us = clock_.read(reading);
-    return (config_.source == TimeSource::kClock ? node_us : reading.wall_us + replay_offset_us_) + config_.error_us;
+    const Utime steady = clock_.read(reading);
+    return (config_.source == TimeSource::kClock ? steady : reading.wall + replay_offset_) + config_.error;
   }
 
   // Replayed messages are old: their time is now. The header's utime has the same place in every message.
@@ -149,24 +145,25 @@ class RealtimeHost::Seat : public Outbox {
     if (bytes.size() < kUtimeAt + 8) return;
     std::uint64_t utime = 0;
     for (std::size_t i = 0; i < 8; ++i) utime = utime << 8 | bytes[kUtimeAt + i];
-    if (utime > kMaxUtime) return;
-    const std::int64_t offset = static_cast<std::int64_t>(utime) - config_.read().wall_us;
-    if (std::abs(offset - replay_offset_us_) > kClockJump.count()) replay_offset_us_ = offset;
+    if (utime > static_cast<std::uint64_t>(to_us(kMaxUtime))) return;
+    const Duration offset = to_utime(static_cast<std::int64_t>(utime)) - config_.read().wall;
+    if (std::chrono::abs(offset - replay_offset_) > kClockJump) replay_offset_ = offset;
   }
 
   // Tells the node of steps of the wall clock, and takes them when it agrees.
   void watch_clock() {
-    const std::int64_t now_us = now(), step_us = clock_.step_us();
-    const bool was_stepped = std::exchange(is_stepped_, step_us != 0);
-    if (step_us == 0) {
-      if (was_stepped) (void)node_.on_clock_step(now_us, 0);
-    } else if (config_.source == TimeSource::kMessages || node_.on_clock_step(now_us, step_us)) {
+    const Utime time = now();
+    const Duration step = clock_.step();
+    const auto step_ms = step / 1ms;
+    const bool was_stepped = std::exchange(is_stepped_, step != 0us);
+    if (step == 0us) {
+      if (was_stepped) (void)node_.on_clock_step(time, step);
+    } else if (config_.source == TimeSource::kMessages || node_.on_clock_step(time, step)) {
       clock_.adopt_step();
       is_stepped_ = false;
-      if (clock_warnings_.pass()) spdlog::warn("{}: the system clock jumped by {} ms", name_, step_us / 1000);
+      if (clock_warnings_.pass()) spdlog::warn("{}: the system clock jumped by {} ms", name_, step_ms);
     } else if (!was_stepped) {
-      spdlog::warn("{}: the system clock jumped by {} ms, which is taken over when the robot rests", name_,
-                   step_us / 1000);
+      spdlog::warn("{}: the system clock jumped by {} ms, which is taken over when the robot rests", name_, step_ms);
     }
   }
 
@@ -175,7 +172,7 @@ class RealtimeHost::Seat : public Outbox {
   HostClock config_;
   NodeClock clock_;
   bool is_stepped_ = false;  // the wall clock, and the node has not agreed yet
-  std::int64_t replay_offset_us_ = 0;
+  Duration replay_offset_{};
   std::array<Port, 2> ports_;
   boost::asio::steady_timer timer_;
   RateLimit send_warnings_, clock_warnings_;
@@ -189,7 +186,7 @@ void RealtimeHost::add(const std::string& name, Node& node, const std::string& o
   seats_.push_back(std::make_unique<Seat>(io_, name, node, onboard_url, swarm_url, clock));
 }
 
-void RealtimeHost::deliver(const Node& node, const std::function<void(std::int64_t, Outbox&)>& with) {
+void RealtimeHost::deliver(const Node& node, const std::function<void(Utime, Outbox&)>& with) {
   const auto seat = std::ranges::find_if(seats_, [&](const auto& other) { return other->holds(node); });
   if (seat == seats_.end()) throw std::invalid_argument("delivery to a node that is not in this host");
   (*seat)->deliver(with);
@@ -225,7 +222,7 @@ int daemon_main(const std::string& program, const std::string& usage, int argc, 
     if (!swarm_url.empty()) options.add("swarm-url", &swarm_url, "bus between the robots, another port", check_url);
     if (options.parse(argc, argv, std::cout) == OptionSet::Parsed::kExit) return EXIT_SUCCESS;
     const std::unique_ptr<Node> node = make_node();
-    const HostClock clock{replay ? TimeSource::kMessages : TimeSource::kClock, std::llround(1e3 * clock_offset_ms)};
+    const HostClock clock{replay ? TimeSource::kMessages : TimeSource::kClock, to_duration(1e-3 * clock_offset_ms)};
     RealtimeHost host;
     host.add(program, *node, onboard_url, swarm_url, clock);
     const std::shared_ptr<void> attached = attach ? attach(host) : nullptr;

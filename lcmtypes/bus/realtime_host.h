@@ -22,7 +22,7 @@ enum class TimeSource { kClock, kMessages };
 
 struct HostClock {
   TimeSource source = TimeSource::kClock;
-  std::int64_t error_us = 0;              // added, to try what wrong clocks do
+  Duration error{};                       // added, to try what wrong clocks do
   ClockReading (*read)() = &read_clocks;  // others, to try what clocks do that are set
 };
 
@@ -40,7 +40,7 @@ class RealtimeHost {
   // For what reaches a node otherwise than over its buses (a socket, a serial device): calls `with` with the node's
   // time and outbox, then lets the node step. From within run() only; throws std::invalid_argument when the node was
   // not added.
-  void deliver(const Node& node, const std::function<void(std::int64_t now_us, Outbox& outbox)>& with);
+  void deliver(const Node& node, const std::function<void(Utime now, Outbox& outbox)>& with);
 
   // Until SIGTERM, SIGINT or stop(). What a node throws comes out here.
   void run();

@@ -7,13 +7,17 @@
 #include <type_traits>
 
 #include "lcmtypes/bus/codec.h"
+#include "lcmtypes/bus/limits.h"
+#include "lcmtypes/bus/time.h"
 
 namespace swarm {
 
 // When messages must be of to be taken.
 struct TimeWindow {
-  std::int64_t now_us = 0;
-  std::int64_t max_age_us = kMaxUtime, max_ahead_us = kMaxUtime;  // [0, 2^53]; the defaults: any time will do
+  Utime now{};
+  Duration max_age = kAnyTime, max_ahead = kAnyTime;  // at least 0, at most the defaults: any time will do
+
+  static constexpr Duration kAnyTime = kMaxUtime.time_since_epoch();
 };
 
 // Whose messages are taken, for receive(): one robot's.
@@ -42,7 +46,7 @@ template <class T, class From, class Order>
                               Order&& order, T* message) {
   if (const Refusal refusal = decode(bytes, message); refusal != Refusal::kNone) return refusal;
   if (const Refusal refusal = from(*message); refusal != Refusal::kNone) return refusal;
-  const Refusal refusal = check_time(message->header.utime, window.now_us, window.max_age_us, window.max_ahead_us);
+  const Refusal refusal = check_time(to_utime(message->header.utime), window.now, window.max_age, window.max_ahead);
   if (refusal != Refusal::kNone) return refusal;
   if constexpr (std::same_as<std::remove_cvref_t<Order>, SequenceGate>) {
     return order.pass(message->header);

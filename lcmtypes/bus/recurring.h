@@ -2,30 +2,30 @@
 #pragma once
 
 #include <algorithm>
-#include <cstdint>
+
+#include "lcmtypes/bus/time.h"
 
 namespace swarm {
 
 // Remembers when it was done last. A clock that goes back makes nobody wait for the time that was before: then it
-// counts as done just now. All times in microseconds since the epoch.
+// counts as done just now.
 class Recurring {
  public:
-  void done(std::int64_t now_us) { last_us_ = now_us; }
+  void done(Utime now) { last_ = now; }
 
-  // When it is due again, at once if it was never done: a period after it was done last, at `now_us` + period the
-  // latest.
-  std::int64_t due_us(std::int64_t now_us, std::int64_t period_us) {
-    last_us_ = std::min(last_us_, now_us);
-    return last_us_ + period_us;
+  // When it is due again, at once if it was never done: a period after it was done last, at `now` + period the latest.
+  Utime due(Utime now, Duration period) {
+    last_ = std::min(last_, now);
+    return last_ + period;
   }
-  // The same on a grid: at the next whole multiple of the period.
-  std::int64_t due_on_grid_us(std::int64_t now_us, std::int64_t period_us) {
-    last_us_ = std::min(last_us_, now_us);
-    return (last_us_ / period_us + 1) * period_us;
+  // The same on a grid: at the next whole multiple of the period since the epoch.
+  Utime due_on_grid(Utime now, Duration period) {
+    last_ = std::min(last_, now);
+    return Utime((last_.time_since_epoch() / period + 1) * period);
   }
 
  private:
-  std::int64_t last_us_ = 0;
+  Utime last_{};
 };
 
 }  // namespace swarm

@@ -35,7 +35,7 @@ bool yaw_ok(double yaw) {
   return within(yaw, -std::numbers::pi, std::numbers::pi);
 }
 bool utime_ok(std::int64_t utime) {
-  return utime >= 0 && utime <= kMaxUtime;
+  return utime >= 0 && utime <= to_us(kMaxUtime);
 }
 
 // Counters and measured amounts: finite and not negative.

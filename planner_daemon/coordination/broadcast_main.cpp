@@ -7,6 +7,7 @@
 #include "planner_daemon/coordination/broadcast_node.h"
 
 int main(int argc, char** argv) {
+  using namespace std::chrono_literals;
   swarm::BroadcastConfig config;
   std::unique_ptr<swarm::PromiseStore> store;
   return swarm::daemon_main(
@@ -17,7 +18,7 @@ int main(int argc, char** argv) {
       argc, argv, swarm::DaemonBuses::kOnboardAndSwarm, [&](swarm::OptionSet& options) { declare(options, config); },
       [&] {
         verify(config);
-        const auto boot = static_cast<std::int32_t>(swarm::wall_utime() / 1'000'000);
+        const auto boot = static_cast<std::int32_t>(swarm::wall_utime().time_since_epoch() / 1s);
         if (config.state_dir.empty()) {
           spdlog::warn(
               "no --state-dir: what was promised does not survive a crash of this daemon, and nobody believes it any "

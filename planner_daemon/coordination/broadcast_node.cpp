@@ -14,17 +14,13 @@ namespace {
 
 using sogm_swarm::announcement_t;
 
-constexpr std::int64_t kMaxAge_us = 1'000'000;  // of messages from peers and planner
-constexpr std::int64_t kMaxBranchAhead_us = 2'000'000;
-constexpr std::int64_t kStatusPeriod_us = 1'000'000;
-constexpr std::int64_t kClockDoubt_us = 1'000'000, kMaxMotion_us = 10'000'000;
-constexpr std::int64_t kLively_us = 300'000;   // after news
+constexpr Duration kMaxAge = 1s;  // of messages from peers and planner
+constexpr Duration kMaxBranchAhead = 2s;
+constexpr Duration kStatusPeriod = 1s;
+constexpr Duration kClockDoubt = 1s, kMaxMotion = 10s;
+constexpr Duration kLively = 300ms;            // after news
 constexpr std::int64_t kMostLost = 1'000'000;  // that are counted, of a peer: the sum of all fits its field
 constexpr double kResume_m = 0.5;              // a kept motion is gone on with where the robot is so close to it
-
-std::int64_t to_us(double seconds) {
-  return std::llround(seconds * 1e6);
-}
 
 double wrap_angle(double angle) {
   return std::remainder(angle, 2 * std::numbers::pi);
@@ -78,7 +74,7 @@ BroadcastNode::BroadcastNode(const BroadcastConfig& config, PromiseStore& store,
   robots.insert(config.robot_id);
   places_.assign(robots.begin(), robots.end());
   for (const auto& [id, peer] : protocol_.peers()) links_[id];
-  gap_us_ = to_us(static_cast<double>(places_.size()) / config.swarm_rate_hz);
+  gap_ = to_duration(static_cast<double>(places_.size()) / config.swarm_rate_hz);
 }
 
 std::vector<Subscription> BroadcastNode::subscriptions() const {
@@ -87,74 +83,74 @@ std::vector<Subscription> BroadcastNode::subscriptions() const {
           {BusId::kSwarm, channel::kTrajectory}};
 }
 
-void BroadcastNode::on_message(std::int64_t now_us, BusId bus, std::string_view channel,
-                               std::span<const std::uint8_t> bytes, Outbox& outbox) {
+void BroadcastNode::on_message(Utime now, BusId bus, std::string_view channel, std::span<const std::uint8_t> bytes,
+                               Outbox& outbox) {
   Refusal refusal = Refusal::kNone;
-  advance(now_us);
+  advance(now);
   if (bus == BusId::kSwarm) {
-    refusal = on_peer(now_us, bytes, outbox);
+    refusal = on_peer(now, bytes, outbox);
   } else if (channel == channel::kRobotState) {
-    refusal = on_state(now_us, bytes);
+    refusal = on_state(now, bytes);
   } else if (channel == channel::kCandidate) {
-    refusal = on_candidate(now_us, bytes);
+    refusal = on_candidate(now, bytes);
   }
   if (refusal != Refusal::kNone) refused_.count(refusal);
-  advance(now_us);
+  advance(now);
 }
 
-TimeWindow BroadcastNode::window(std::int64_t now_us) const {
-  return {now_us, kMaxAge_us, to_us(config_.clock_limit_s)};
+TimeWindow BroadcastNode::window(Utime now) const {
+  return {now, kMaxAge, to_duration(config_.clock_limit_s)};
 }
 
-Refusal BroadcastNode::on_state(std::int64_t now_us, std::span<const std::uint8_t> bytes) {
+Refusal BroadcastNode::on_state(Utime now, std::span<const std::uint8_t> bytes) {
   sogm_swarm::robot_state_t state;
-  const Refusal refusal = receive(bytes, FromRobot{config_.robot_id}, window(now_us), state_gate_, &state);
+  const Refusal refusal = receive(bytes, FromRobot{config_.robot_id}, window(now), state_gate_, &state);
   if (refusal != Refusal::kNone) return refusal;
   if (motion()) return Refusal::kNone;
   const Eigen::Vector3d position(state.position);
-  Motion first = kept_.motion.value_or(Motion{Trajectory::hover(1, now_us, position), {}});
+  Motion first = kept_.motion.value_or(Motion{Trajectory::hover(1, now, position), {}});
   // Kept in another time, for the clock was set back since: it would be flown again. The last node's clock may have
   // been a little ahead.
-  const bool is_of_another_time = kept_.utime > now_us + to_us(config_.clock_limit_s);
+  const bool is_of_another_time = kept_.utime > now + to_duration(config_.clock_limit_s);
   // Or the robot has been carried, or has lost its way.
-  if (is_of_another_time || (first.at(now_us).position - position).norm() > kResume_m) {
-    first = {Trajectory::hover(first.seq() + 1, now_us, position), {}};
+  if (is_of_another_time || (first.at(now).position - position).norm() > kResume_m) {
+    first = {Trajectory::hover(first.seq() + 1, now, position), {}};
   }
   protocol_.start(first, kept_.forced_seq);
-  store_fails_ = !keep(now_us, protocol_.state());
+  store_fails_ = !keep(now, protocol_.state());
   yaw_ = state.yaw;
   return Refusal::kNone;
 }
 
-bool BroadcastNode::keep(std::int64_t now_us, announcement_t promise) {
-  promise.header = HeaderSource(config_.robot_id, kept_.boot).next(now_us);
+bool BroadcastNode::keep(Utime now, announcement_t promise) {
+  promise.header = HeaderSource(config_.robot_id, kept_.boot).next(now);
   std::vector<std::uint8_t> bytes;
   encode(promise, &bytes);
   return store_.save(bytes);
 }
 
-Refusal BroadcastNode::on_candidate(std::int64_t now_us, std::span<const std::uint8_t> bytes) {
+Refusal BroadcastNode::on_candidate(Utime now, std::span<const std::uint8_t> bytes) {
   sogm_swarm::candidate_t message;
-  const Refusal refusal = receive(bytes, FromRobot{config_.robot_id}, window(now_us), candidate_gate_, &message);
+  const Refusal refusal = receive(bytes, FromRobot{config_.robot_id}, window(now), candidate_gate_, &message);
   if (refusal != Refusal::kNone) return refusal;
   ++candidates_;
   const Trajectory candidate = Trajectory::from_wire(message.trajectory);
-  Rejection rejection = clock_is_stepped_ ? Rejection::kClock : examine(now_us, candidate);
-  if (rejection == Rejection::kNone) rejection = protocol_.propose(now_us, candidate, message.urgent != 0);
+  Rejection rejection = clock_is_stepped_ ? Rejection::kClock : examine(now, candidate);
+  if (rejection == Rejection::kNone) rejection = protocol_.propose(now, candidate, message.urgent != 0);
   ++rejected_[static_cast<std::size_t>(rejection)];
   return Refusal::kNone;
 }
 
-Rejection BroadcastNode::examine(std::int64_t now_us, const Trajectory& candidate) const {
+Rejection BroadcastNode::examine(Utime now, const Trajectory& candidate) const {
   if (!motion()) return Rejection::kNoCommitted;
-  const std::int64_t start = candidate.start_utime();
-  if (candidate.empty() || start <= now_us || start > now_us + kMaxBranchAhead_us) return Rejection::kTime;
+  const Utime start = candidate.start_utime();
+  if (candidate.empty() || start <= now || start > now + kMaxBranchAhead) return Rejection::kTime;
   const MotionState branch = motion()->at(start), first = candidate.knot(0);
   if ((branch.position - first.position).norm() > 1e-4 || (branch.velocity - first.velocity).norm() > 1e-3 ||
       (branch.acceleration - first.acceleration).norm() > 1e-2) {
     return Rejection::kDiscontinuous;
   }
-  for (std::int64_t t = start; t < candidate.end_utime(); t += 10'000) {
+  for (Utime t = start; t < candidate.end_utime(); t += 10ms) {
     const MotionState state = candidate.at(t);
     if (state.velocity.cwiseAbs().maxCoeff() > 1.01 * config_.v_max_mps ||
         state.acceleration.cwiseAbs().maxCoeff() > 1.01 * config_.a_max_mps2) {
@@ -164,29 +160,29 @@ Rejection BroadcastNode::examine(std::int64_t now_us, const Trajectory& candidat
   return Rejection::kNone;
 }
 
-Refusal BroadcastNode::on_peer(std::int64_t now_us, std::span<const std::uint8_t> bytes, Outbox& outbox) {
+Refusal BroadcastNode::on_peer(Utime now, std::span<const std::uint8_t> bytes, Outbox& outbox) {
   announcement_t message;
   const auto from_peer = [this](const announcement_t& m) {
     return links_.contains(m.header.robot_id) ? Refusal::kNone : Refusal::kRobot;
   };
   const auto in_order = [this](const announcement_t& m) { return links_.at(m.header.robot_id).gate.pass(m.header); };
-  const TimeWindow lately{now_us, kMaxAge_us, to_us(config_.clock_error_s)};
+  const TimeWindow lately{now, kMaxAge, to_duration(config_.clock_error_s)};
   const Refusal refusal = receive(bytes, from_peer, lately, in_order, &message);
   if (refusal == Refusal::kRobot && message.header.robot_id == config_.robot_id)
     return Refusal::kNone;  // multicast returns our own
-  if (refusal == Refusal::kTime && message.header.utime > now_us) doubt_clock_of(message.header.robot_id, now_us);
+  if (refusal == Refusal::kTime && to_utime(message.header.utime) > now) doubt_clock_of(message.header.robot_id, now);
   if (refusal != Refusal::kNone) return refusal;
   const int id = message.header.robot_id;
   Link& link = links_.at(id);
-  if (!protocol_.receive(now_us, message)) return Refusal::kRobot;
+  if (!protocol_.receive(now, message)) return Refusal::kRobot;
   if (link.boot == message.header.boot) {
     link.lost = static_cast<std::int32_t>(std::min(link.lost + message.header.seq - link.seq - 1, kMostLost));
   }
-  link.heard_us = now_us;
-  link.clock.heard(now_us, message.header.utime);
+  link.heard = now;
+  link.clock.heard(now, to_utime(message.header.utime));
   if (told_about(message.header) == config_.robot_id && message.least_delay_us != announcement_t::kUnknown)
-    link.clock.told(message.least_delay_us);
-  if (link.clock.beyond(to_us(config_.clock_error_s))) doubt_clock_of(id, now_us);
+    link.clock.told(Duration(message.least_delay_us));
+  if (link.clock.beyond(to_duration(config_.clock_error_s))) doubt_clock_of(id, now);
   link.boot = message.header.boot;
   link.seq = message.header.seq;
   outbox.publish_bytes(BusId::kOnboard, channel::kPeerTrajectory, bytes);
@@ -198,82 +194,84 @@ int BroadcastNode::told_about(const sogm_swarm::header_t& header) const {
 }
 
 // For a while, and at least as long as the peer moves.
-void BroadcastNode::doubt_clock_of(int id, std::int64_t now_us) {
+void BroadcastNode::doubt_clock_of(int id, Utime now) {
   const CommitProtocol::Peer& peer = protocol_.peers().at(id);
-  const std::int64_t rests_us = peer.heard ? std::min(peer.motion.end_utime(), now_us + kMaxMotion_us) : 0;
-  clock_doubt_until_us_ = std::max({clock_doubt_until_us_, now_us + kClockDoubt_us, rests_us});
+  const Utime rests = peer.heard ? std::min(peer.motion.end_utime(), now + kMaxMotion) : Utime();
+  clock_doubt_until_ = std::max({clock_doubt_until_, now + kClockDoubt, rests});
 }
 
-bool BroadcastNode::on_clock_step(std::int64_t now_us, std::int64_t step_us) {
-  clock_is_stepped_ = step_us != 0;  // from here on nothing is committed
-  advance(now_us);
-  const bool rests = !motion() || motion()->end_utime() <= now_us;
-  clock_is_stepped_ = step_us != 0 && !rests;
-  if (step_us == 0 || !rests) return rests;
-  const std::int64_t then_us = now_us + step_us;
+bool BroadcastNode::on_clock_step(Utime now, Duration step) {
+  clock_is_stepped_ = step != 0us;  // from here on nothing is committed
+  advance(now);
+  const bool rests = !motion() || motion()->end_utime() <= now;
+  clock_is_stepped_ = step != 0us && !rests;
+  if (step == 0us || !rests) return rests;
+  const Utime then = now + step;
   for (auto& [id, link] : links_) {  // what they differed by is not what they differ by
     link.clock = ClockOffset();
-    link.heard_us += step_us;
+    link.heard += step;
   }
   // As long as it takes to measure the clocks anew, and as peers may fly on by theirs.
-  clock_doubt_until_us_ = then_us + (links_.empty() ? kClockDoubt_us : kMaxMotion_us);
-  protocol_.set_clock(then_us, step_us);
-  if (motion()) store_fails_ = !keep(then_us, protocol_.state());
+  clock_doubt_until_ = then + (links_.empty() ? kClockDoubt : kMaxMotion);
+  protocol_.set_clock(then, step);
+  if (motion()) store_fails_ = !keep(then, protocol_.state());
   return true;
 }
 
-void BroadcastNode::advance(std::int64_t now_us) {
+void BroadcastNode::advance(Utime now) {
   // No doubt lasts longer; but it would, were the clock set back.
-  clock_doubt_until_us_ = std::min(clock_doubt_until_us_, now_us + kMaxMotion_us);
-  protocol_.doubt_clocks(!clocks_agree(now_us));
-  protocol_.advance(now_us);
-  if (!clock_is_stepped_ && protocol_.may_commit(now_us))
-    protocol_.commit([&](const announcement_t& promise) { return !(store_fails_ = !keep(now_us, promise)); });
+  clock_doubt_until_ = std::min(clock_doubt_until_, now + kMaxMotion);
+  protocol_.doubt_clocks(!clocks_agree(now));
+  protocol_.advance(now);
+  if (!clock_is_stepped_ && protocol_.may_commit(now))
+    protocol_.commit([&](const announcement_t& promise) { return !(store_fails_ = !keep(now, promise)); });
 }
 
-std::int64_t BroadcastNode::step(std::int64_t now_us, Outbox& outbox) {
-  advance(now_us);
-  const std::int64_t setpoint_period = to_us(1.0 / config_.setpoint_rate_hz);
-  std::int64_t wake = now_us + kStatusPeriod_us;
+Utime BroadcastNode::step(Utime now, Outbox& outbox) {
+  advance(now);
+  const Duration setpoint_period = to_duration(1.0 / config_.setpoint_rate_hz);
+  Utime wake = now + kStatusPeriod;
   if (motion()) {
     if (protocol_.take_news()) {
       has_news_ = true;
-      news_.done(now_us);
+      news_.done(now);
     }
     const auto due = [&] {  // news at once, and again soon, for they may get lost
-      const bool is_lively = now_us < news_.due_us(now_us, kLively_us);
+      const bool is_lively = now < news_.due(now, kLively);
       const double wait_s = has_news_ ? 0.0 : is_lively ? config_.lively_s : config_.announce_s;
-      return announcement_.due_us(now_us, std::max(gap_us_, to_us(wait_s)));
+      return announcement_.due(now, std::max(gap_, to_duration(wait_s)));
     };
-    if (now_us >= due()) announce(now_us, outbox);
-    if (now_us >= setpoint_.due_on_grid_us(now_us, setpoint_period)) {
-      publish_setpoint(now_us, outbox);
-      setpoint_.done(now_us);
+    if (now >= due()) announce(now, outbox);
+    if (now >= setpoint_.due_on_grid(now, setpoint_period)) {
+      publish_setpoint(now, outbox);
+      setpoint_.done(now);
     }
-    wake = std::min({setpoint_.due_on_grid_us(now_us, setpoint_period), protocol_.due_utime(now_us), due()});
+    wake = std::min({setpoint_.due_on_grid(now, setpoint_period), protocol_.due_utime(now), due()});
   }
-  if (now_us >= status_.due_us(now_us, kStatusPeriod_us)) {
-    publish_status(now_us, outbox);
-    status_.done(now_us);
+  if (now >= status_.due(now, kStatusPeriod)) {
+    publish_status(now, outbox);
+    status_.done(now);
   }
-  return std::max(std::min(wake, status_.due_us(now_us, kStatusPeriod_us)), now_us + 1);
+  return std::max(std::min(wake, status_.due(now, kStatusPeriod)), now + 1us);
 }
 
-void BroadcastNode::announce(std::int64_t now_us, Outbox& outbox) {
+void BroadcastNode::announce(Utime now, Outbox& outbox) {
   announcement_t message = protocol_.state();
-  message.header = announcement_headers_.next(now_us);
-  if (const auto link = links_.find(told_about(message.header)); link != links_.end())
-    message.least_delay_us = link->second.clock.least_delay_us().value_or(announcement_t::kUnknown);
+  message.header = announcement_headers_.next(now);
+  if (const auto link = links_.find(told_about(message.header)); link != links_.end()) {
+    const auto delay = link->second.clock.least_delay();
+    if (delay) message.least_delay_us = static_cast<std::int32_t>(delay->count());
+  }
   outbox.publish(BusId::kSwarm, channel::kTrajectory, message);
   outbox.publish(BusId::kOnboard, channel::kOwnTrajectory, message);
   has_news_ = false;
-  announcement_.done(now_us);
+  announcement_.done(now);
 }
 
-void BroadcastNode::publish_setpoint(std::int64_t utime, Outbox& outbox) {
-  const MotionState state = motion()->at(utime);
+void BroadcastNode::publish_setpoint(Utime now, Outbox& outbox) {
+  const MotionState state = motion()->at(now);
   sogm_swarm::setpoint_t setpoint{};
-  setpoint.header = setpoint_headers_.next(utime);
+  setpoint.header = setpoint_headers_.next(now);
   Eigen::Map<Eigen::Vector3d>(setpoint.position) = state.position;
   Eigen::Map<Eigen::Vector3d>(setpoint.velocity) = state.velocity;
   Eigen::Map<Eigen::Vector3d>(setpoint.acceleration) = state.acceleration;
@@ -296,13 +294,13 @@ std::int32_t BroadcastNode::lost() const {
   return sum;
 }
 
-void BroadcastNode::publish_status(std::int64_t now_us, Outbox& outbox) {
+void BroadcastNode::publish_status(Utime now, Outbox& outbox) {
   using sogm_swarm::broadcast_status_t;
   broadcast_status_t status{};
-  status.header = status_headers_.next(now_us);
+  status.header = status_headers_.next(now);
   status.state = !motion()               ? broadcast_status_t::kNoState
                  : store_fails_          ? broadcast_status_t::kNoStorage
-                 : !clocks_agree(now_us) ? broadcast_status_t::kClock
+                 : !clocks_agree(now)    ? broadcast_status_t::kClock
                  : !protocol_.all_hear() ? broadcast_status_t::kWaiting
                                          : broadcast_status_t::kFlying;
   status.candidates = candidates_;
@@ -312,11 +310,12 @@ void BroadcastNode::publish_status(std::int64_t now_us, Outbox& outbox) {
   std::copy(rejected_.begin(), rejected_.end(), status.rejected);
   status.lost = lost();
   for (const auto& [id, link] : links_) {
-    if (link.boot < 0 || now_us - link.heard_us > 1'000'000) continue;
+    if (link.boot < 0 || now - link.heard > 1s) continue;
     ++status.peers_heard;
-    status.max_age_ms = std::max(status.max_age_ms, 1e-3f * static_cast<float>(now_us - link.heard_us));
-    const std::int64_t offset_us = link.clock.offset_us().value_or(0);
-    status.max_clock_offset_ms = std::max(status.max_clock_offset_ms, 1e-3f * static_cast<float>(std::abs(offset_us)));
+    status.max_age_ms = std::max(status.max_age_ms, 1e-3f * static_cast<float>((now - link.heard).count()));
+    const Duration offset = link.clock.offset().value_or(0us);
+    status.max_clock_offset_ms =
+        std::max(status.max_clock_offset_ms, 1e-3f * static_cast<float>(std::chrono::abs(offset).count()));
   }
   refused_.copy_to(status.refused);
   outbox.publish(BusId::kOnboard, channel::kBroadcastStatus, status);

@@ -48,12 +48,12 @@ class BroadcastNode : public Node {
   BroadcastNode(const BroadcastConfig& config, PromiseStore& store, std::int32_t first_boot);
 
   std::vector<Subscription> subscriptions() const override;
-  void on_message(std::int64_t now_us, BusId bus, std::string_view channel, std::span<const std::uint8_t> bytes,
+  void on_message(Utime now, BusId bus, std::string_view channel, std::span<const std::uint8_t> bytes,
                   Outbox& outbox) override;
-  std::int64_t step(std::int64_t now_us, Outbox& outbox) override;
+  Utime step(Utime now, Outbox& outbox) override;
   // Not while the robot moves, or its setpoints would jump: what is committed is flown to its end by the time it was
   // committed in, and nothing is committed meanwhile.
-  bool on_clock_step(std::int64_t now_us, std::int64_t step_us) override;
+  bool on_clock_step(Utime now, Duration step) override;
 
   const CommitProtocol& protocol() const { return protocol_; }
   // The motion this robot is bound to; none before the first robot state.
@@ -66,27 +66,27 @@ class BroadcastNode : public Node {
   struct Link {  // from a peer
     SequenceGate gate;
     ClockOffset clock;
-    std::int64_t heard_us = 0;  // of the newest announcement
+    Utime heard{};  // of the newest announcement
     std::int32_t boot = -1, lost = 0;
     std::int64_t seq = 0;
   };
 
-  Refusal on_state(std::int64_t now_us, std::span<const std::uint8_t> bytes);
-  Refusal on_candidate(std::int64_t now_us, std::span<const std::uint8_t> bytes);
-  Refusal on_peer(std::int64_t now_us, std::span<const std::uint8_t> bytes, Outbox& outbox);
-  TimeWindow window(std::int64_t now_us) const;  // when messages of the robot itself must be of to be taken
+  Refusal on_state(Utime now, std::span<const std::uint8_t> bytes);
+  Refusal on_candidate(Utime now, std::span<const std::uint8_t> bytes);
+  Refusal on_peer(Utime now, std::span<const std::uint8_t> bytes, Outbox& outbox);
+  TimeWindow window(Utime now) const;  // when messages of the robot itself must be of to be taken
   // What is wrong with a candidate as a motion of this robot.
-  Rejection examine(std::int64_t now_us, const Trajectory& candidate) const;
-  void advance(std::int64_t now_us);
-  bool keep(std::int64_t now_us, sogm_swarm::announcement_t promise);
-  bool clocks_agree(std::int64_t now_us) const { return !clock_is_stepped_ && now_us > clock_doubt_until_us_; }
-  void doubt_clock_of(int id, std::int64_t now_us);
+  Rejection examine(Utime now, const Trajectory& candidate) const;
+  void advance(Utime now);
+  bool keep(Utime now, sogm_swarm::announcement_t promise);
+  bool clocks_agree(Utime now) const { return !clock_is_stepped_ && now > clock_doubt_until_; }
+  void doubt_clock_of(int id, Utime now);
   // The robot whose messages' delay an announcement tells.
   int told_about(const sogm_swarm::header_t& header) const;
 
-  void announce(std::int64_t now_us, Outbox& outbox);
-  void publish_setpoint(std::int64_t utime, Outbox& outbox);
-  void publish_status(std::int64_t now_us, Outbox& outbox);
+  void announce(Utime now, Outbox& outbox);
+  void publish_setpoint(Utime now, Outbox& outbox);
+  void publish_status(Utime now, Outbox& outbox);
 
   BroadcastConfig config_;
   PromiseStore& store_;
@@ -101,9 +101,9 @@ class BroadcastNode : public Node {
   double yaw_ = 0.0;
   bool store_fails_ = false;
 
-  std::int64_t gap_us_ = 0;                // between announcements, at least
-  std::int64_t clock_doubt_until_us_ = 0;  // a peer's message came from the future, or its clock was found wrong
-  bool clock_is_stepped_ = false;          // the wall clock, which is followed when the robot rests
+  Duration gap_{};                 // between announcements, at least
+  Utime clock_doubt_until_{};      // a peer's message came from the future, or its clock was found wrong
+  bool clock_is_stepped_ = false;  // the wall clock, which is followed when the robot rests
   bool has_news_ = false;
   Recurring news_, announcement_, setpoint_, status_;
   std::int32_t candidates_ = 0;

@@ -2,10 +2,9 @@
 #pragma once
 
 #include <algorithm>
-#include <cstdint>
-#include <cstdlib>
-#include <limits>
 #include <optional>
+
+#include "lcmtypes/bus/time.h"
 
 namespace swarm {
 
@@ -13,49 +12,49 @@ namespace swarm {
 // both ways; how nearly, nobody can know: kDoubt of it is allowed for.
 class ClockOffset {
  public:
-  static constexpr int kEnough = 50;                     // messages
-  static constexpr std::int64_t kWindow_us = 5'000'000;  // what counts came within this, or one more
+  static constexpr int kEnough = 50;       // messages
+  static constexpr Duration kWindow = 5s;  // what counts came within this, or one more
   static constexpr double kDoubt = 0.25;
 
   // A message of the peer came, up to some minutes old; utimes by our clock and by its.
-  void heard(std::int64_t now_us, std::int64_t sent_utime) {
-    if (now_us >= begun_us_ + kWindow_us) {
-      before_ = now_us >= begun_us_ + 2 * kWindow_us ? Window() : newest_;
+  void heard(Utime now, Utime sent) {
+    if (now >= begun_ + kWindow) {
+      before_ = now >= begun_ + 2 * kWindow ? Window() : newest_;
       newest_ = Window();
-      begun_us_ = now_us;
+      begun_ = now;
     }
-    newest_.least_us = std::min(newest_.least_us, now_us - sent_utime);
+    newest_.least = std::min(newest_.least, now - sent);
     ++newest_.count;
   }
-  // The peer says what its least_delay_us() of our messages is.
-  void told(std::int32_t delay_us) { told_us_ = delay_us; }
+  // The peer says what its least_delay() of our messages is.
+  void told(Duration delay) { told_ = delay; }
 
-  // Of the peer's messages [us], by both clocks: may be negative. None: few came lately.
-  std::optional<std::int32_t> least_delay_us() const {
+  // Of the peer's messages, by both clocks: may be negative. None: few came lately.
+  std::optional<Duration> least_delay() const {
     if (newest_.count + before_.count < kEnough) return {};
-    return static_cast<std::int32_t>(std::min(newest_.least_us, before_.least_us));
+    return std::min(newest_.least, before_.least);
   }
-  // By how much our clock is ahead of the peer's [us].
-  std::optional<std::int64_t> offset_us() const {
-    const auto here = least_delay_us();
-    if (!here || !told_us_) return {};
-    return (std::int64_t{*here} - *told_us_) / 2;
+  // By how much our clock is ahead of the peer's.
+  std::optional<Duration> offset() const {
+    const auto here = least_delay();
+    if (!here || !told_) return {};
+    return (*here - *told_) / 2;
   }
-  bool beyond(std::int64_t limit_us) const {
-    const auto offset = offset_us();
-    if (!offset) return false;
-    const double delay_us = 0.5 * (static_cast<double>(*least_delay_us()) + *told_us_);
-    return static_cast<double>(std::abs(*offset) - limit_us) > kDoubt * std::max(delay_us, 0.0);
+  bool beyond(Duration limit) const {
+    const auto ahead = offset();
+    if (!ahead) return false;
+    const Duration round_trip = std::max(*least_delay() + *told_, 0us);
+    return to_seconds(std::chrono::abs(*ahead) - limit) > kDoubt * 0.5 * to_seconds(round_trip);
   }
 
  private:
   struct Window {
-    std::int64_t least_us = std::numeric_limits<std::int64_t>::max();
+    Duration least = Duration::max();
     int count = 0;
   };
   Window newest_, before_;
-  std::int64_t begun_us_ = 0;
-  std::optional<std::int32_t> told_us_;
+  Utime begun_{};
+  std::optional<Duration> told_;
 };
 
 }  // namespace swarm

@@ -1,7 +1,6 @@
 #include "planner_daemon/coordination/commit_protocol.h"
 
 #include <algorithm>
-#include <limits>
 #include <utility>
 
 #include "lcmtypes/bus/crc32.h"
@@ -14,8 +13,8 @@ using sogm_swarm::announcement_t;
 
 namespace {
 
-constexpr std::int64_t kLastMoment_us = 10'000;  // so long before it begins, what is urgent waits no longer
-constexpr double kRounding_m = 1e-3;             // of positions on the wire and of motions that touch a distance
+constexpr Duration kLastMoment = 10ms;  // so long before it begins, what is urgent waits no longer
+constexpr double kRounding_m = 1e-3;    // of positions on the wire and of motions that touch a distance
 
 }  // namespace
 
@@ -49,14 +48,14 @@ void CommitProtocol::start(const Motion& motion, std::int32_t forced_seq) {
   news_ = true;
 }
 
-void CommitProtocol::set_clock(std::int64_t now_us, std::int64_t step_us) {
+void CommitProtocol::set_clock(Utime now, Duration step) {
   for (auto& [id, peer] : peers_) {
-    for (Trajectory* known : {&peer.motion.committed, &peer.motion.next, &peer.pending}) known->shift(step_us);
+    for (Trajectory* known : {&peer.motion.committed, &peer.motion.next, &peer.pending}) known->shift(step);
     peer.hears_us = false;
   }
   if (!pending_.empty()) withdraw();
-  if (!motion_ || motion_->end_utime() <= now_us) return;
-  motion_ = Motion{Trajectory::hover(next_seq_++, now_us, motion_->at(motion_->end_utime()).position), {}};
+  if (!motion_ || motion_->end_utime() <= now) return;
+  motion_ = Motion{Trajectory::hover(next_seq_++, now, motion_->at(motion_->end_utime()).position), {}};
   news_ = true;
 }
 
@@ -72,13 +71,13 @@ bool CommitProtocol::free_of(const Trajectory& mine, const Motion& other, double
 
 bool CommitProtocol::keeps_off(const Trajectory& mine, const Motion& bound, double other_radius_m) const {
   if (free_of(mine, bound, other_radius_m)) return true;
-  const std::int64_t start = mine.start_utime();
+  const Utime start = mine.start_utime();
   const double now_m = (mine.knot(0).position - bound.at(start).position).norm();
   return now_m < rules_.radius_m + other_radius_m + rules_.separation_m &&
          motions_separated({mine, {}}, bound, start, now_m - kRounding_m);
 }
 
-Rejection CommitProtocol::propose(std::int64_t now_us, const Trajectory& candidate, bool urgent) {
+Rejection CommitProtocol::propose(Utime now, const Trajectory& candidate, bool urgent) {
   if (!motion_) return Rejection::kNoCommitted;
   if (!urgent && !all_hear()) return Rejection::kWaiting;
   if (!urgent && doubts_clocks_) return Rejection::kClock;
@@ -92,13 +91,13 @@ Rejection CommitProtocol::propose(std::int64_t now_us, const Trajectory& candida
   if (!pending_.empty()) withdraw();  // a newer plan replaces the one that waits
   pending_ = candidate;
   pending_.set_seq(next_seq_++);
-  stamp_ = now_us;
+  stamp_ = now;
   urgent_ = urgent;
   news_ = true;
   return Rejection::kNone;
 }
 
-bool CommitProtocol::receive(std::int64_t now_us, const announcement_t& message) {
+bool CommitProtocol::receive(Utime now, const announcement_t& message) {
   const auto entry = peers_.find(message.header.robot_id);
   if (entry == peers_.end() || message.roster_crc != roster_crc_ || message.acks.size() != peers_.size() + 1)
     return false;
@@ -111,21 +110,21 @@ bool CommitProtocol::receive(std::int64_t now_us, const announcement_t& message)
   peer.radius_m = message.radius;
   peer.motion = motion_of(message);
   peer.pending = pending_of(message);
-  peer.stamp = message.pending_stamp;
+  peer.stamp = to_utime(message.pending_stamp);
   const ack_t& about_us = message.acks[place_];
   peer.hears_us = about_us.peer_boot == rules_.boot;
   peer.our_seq = peer.hears_us ? about_us.judged_seq : 0;
   peer.our_verdict = peer.hears_us ? about_us.verdict : ack_t::kNone;
-  judge(now_us, entry->first, &peer);
+  judge(now, entry->first, &peer);
   return true;
 }
 
-void CommitProtocol::judge(std::int64_t now_us, int peer_id, Peer* peer) {
+void CommitProtocol::judge(Utime now, int peer_id, Peer* peer) {
   if (peer->pending.empty() || peer->pending.seq() <= peer->judged_seq || !motion_) return;
   peer->judged_seq = peer->pending.seq();
   peer->verdict = ack_t::kAck;
   news_ = true;
-  const bool late = peer->pending.start_utime() <= now_us;
+  const bool late = peer->pending.start_utime() <= now;
   if (late || !keeps_off(peer->pending, *motion_, peer->radius_m)) {
     peer->verdict = ack_t::kNack;
   } else if (!pending_.empty() && !free_of(peer->pending, {motion_->committed, pending_}, peer->radius_m)) {
@@ -137,9 +136,9 @@ void CommitProtocol::judge(std::int64_t now_us, int peer_id, Peer* peer) {
   }
 }
 
-void CommitProtocol::advance(std::int64_t now_us) {
+void CommitProtocol::advance(Utime now) {
   if (!motion_) return;
-  if (!motion_->next.empty() && now_us >= motion_->next.start_utime()) {
+  if (!motion_->next.empty() && now >= motion_->next.start_utime()) {
     motion_ = Motion{motion_->next, {}};
     news_ = true;
   }
@@ -148,7 +147,7 @@ void CommitProtocol::advance(std::int64_t now_us) {
     const auto& [id, peer] = entry;
     return id < rules_.robot_id && peer.our_seq == pending_.seq() && peer.our_verdict == ack_t::kNack;
   });
-  if (refused || now_us >= pending_.start_utime()) withdraw();
+  if (refused || now >= pending_.start_utime()) withdraw();
 }
 
 bool CommitProtocol::everybody_agrees() const {
@@ -158,10 +157,10 @@ bool CommitProtocol::everybody_agrees() const {
   });
 }
 
-bool CommitProtocol::may_commit(std::int64_t now_us) const {
-  if (pending_.empty() || now_us >= pending_.start_utime()) return false;
+bool CommitProtocol::may_commit(Utime now) const {
+  if (pending_.empty() || now >= pending_.start_utime()) return false;
   const bool agreed = everybody_agrees();
-  if (!agreed && !(urgent_ && now_us >= pending_.start_utime() - kLastMoment_us)) return false;
+  if (!agreed && !(urgent_ && now >= pending_.start_utime() - kLastMoment)) return false;
   return std::all_of(peers_.begin(), peers_.end(), [this, agreed](const auto& entry) {
     const auto& [id, peer] = entry;
     const bool judged_there = agreed && id < rules_.robot_id;  // our P against its C
@@ -204,7 +203,7 @@ announcement_t CommitProtocol::state() const {
     message.pending = pending_.to_wire();
     message.pending_state = announcement_t::kAnnounced;
   }
-  message.pending_stamp = message.pending_state == announcement_t::kNone ? 0 : stamp_;
+  message.pending_stamp = message.pending_state == announcement_t::kNone ? 0 : to_us(stamp_);
   message.roster_crc = roster_crc_;
   message.forced_seq = forced_seq_;
   message.least_delay_us = announcement_t::kUnknown;
@@ -221,11 +220,11 @@ bool CommitProtocol::take_news() {
   return std::exchange(news_, false);
 }
 
-std::int64_t CommitProtocol::due_utime(std::int64_t now_us) const {
-  std::int64_t due = std::numeric_limits<std::int64_t>::max();
+Utime CommitProtocol::due_utime(Utime now) const {
+  Utime due = kNever;
   if (!pending_.empty()) {
     due = pending_.start_utime();
-    if (urgent_ && now_us < due - kLastMoment_us) due -= kLastMoment_us;
+    if (urgent_ && now < due - kLastMoment) due -= kLastMoment;
   }
   if (motion_ && !motion_->next.empty()) due = std::min(due, motion_->next.start_utime());
   return due;

@@ -76,7 +76,7 @@ class CommitProtocol {
     double radius_m = 0.0;
     Motion motion;                // what it is bound to
     Trajectory pending;           // announced, not yet committed; may be empty
-    std::int64_t stamp = 0;       // of pending
+    Utime stamp{};                // of pending
     std::int32_t judged_seq = 0;  // newest pending trajectory of this boot that was judged here, and the verdict
     std::int8_t verdict = 0;
     std::int32_t our_seq = 0;  // newest of ours that it judged, and its verdict
@@ -95,22 +95,22 @@ class CommitProtocol {
   const Trajectory& pending() const { return pending_; }  // waits for acknowledgements; may be empty
   const std::map<int, Peer>& peers() const { return peers_; }
   bool all_hear() const;  // and were heard
-  // The own clock is set, by `step_us` to `now_us`, while the robot rests: what is pending is withdrawn, and where what
+  // The own clock is set, by `step` to `now`, while the robot rests: what is pending is withdrawn, and where what
   // it has flown ends in the future now, it is bound to hover there. That asks nobody, but it is what it does. Peers
   // move when they did, by the new clock; nothing is committed before each was heard again, as after a restart (rule
   // 5).
-  void set_clock(std::int64_t now_us, std::int64_t step_us);
+  void set_clock(Utime now, Duration step);
 
   // Announces a candidate that leaves the committed motion in the future. kNone, kNoCommitted, kWaiting or kClock (not
   // when it is urgent), kBusy or kConflict. One that still waits is withdrawn.
-  Rejection propose(std::int64_t now_us, const Trajectory& candidate, bool urgent = false);
+  Rejection propose(Utime now, const Trajectory& candidate, bool urgent = false);
   // A peer's announcement, newer than all before. False when it is not of this roster: nothing has changed then.
-  [[nodiscard]] bool receive(std::int64_t now_us, const sogm_swarm::announcement_t& message);
+  [[nodiscard]] bool receive(Utime now, const sogm_swarm::announcement_t& message);
   // Switches to and withdraws what is due.
-  void advance(std::int64_t now_us);
+  void advance(Utime now);
   // Whether what is pending may be committed now; then commit() does it, unless `keep` fails: what it is handed must
   // survive a crash.
-  bool may_commit(std::int64_t now_us) const;
+  bool may_commit(Utime now) const;
   void commit(const std::function<bool(const sogm_swarm::announcement_t&)>& keep);
 
   // All but the header and what is known of clocks.
@@ -120,11 +120,11 @@ class CommitProtocol {
   int commits() const { return commits_; }
   int forced() const { return forced_; }  // of them
   int withdrawn() const { return withdrawn_; }
-  // When advance() has something to do; INT64_MAX: never.
-  std::int64_t due_utime(std::int64_t now_us) const;
+  // When advance() has something to do; kNever: not.
+  Utime due_utime(Utime now) const;
 
  private:
-  void judge(std::int64_t now_us, int peer_id, Peer* peer);
+  void judge(Utime now, int peer_id, Peer* peer);
   void withdraw();
   bool everybody_agrees() const;
   bool free_of(const Trajectory& mine, const Motion& other, double other_radius_m) const;
@@ -136,7 +136,7 @@ class CommitProtocol {
   std::size_t place_ = 0;  // of this robot in the roster
   std::optional<Motion> motion_;
   Trajectory pending_;
-  std::int64_t stamp_ = 0;
+  Utime stamp_{};
   bool urgent_ = false;  // what is pending
   std::int32_t forced_seq_ = 0;
   bool doubts_clocks_ = false;

@@ -1,8 +1,6 @@
 #include "planner_daemon/coordination/deconfliction.h"
 
 #include <algorithm>
-#include <cmath>
-#include <limits>
 
 namespace swarm {
 namespace {
@@ -19,13 +17,13 @@ bool separated(const ControlPoints& difference, double duration_s, double distan
 }
 
 // Bound on the motion's speed during [from, to] [m/s].
-double fastest(const Motion& motion, std::int64_t from_utime, std::int64_t to_utime) {
+double fastest(const Motion& motion, Utime from_utime, Utime to_utime) {
   double bound = 0.0;
-  for (std::int64_t from = std::max(from_utime, motion.committed.start_utime()); from < to_utime;) {
-    const std::int64_t to = std::min(motion.next_knot_after(from), to_utime);
+  for (Utime from = std::max(from_utime, motion.committed.start_utime()); from < to_utime;) {
+    const Utime to = std::min(motion.next_knot_after(from), to_utime);
     const ControlPoints points = control_points_between(motion, from, to);
     const double step = (points.rightCols<5>() - points.leftCols<5>()).colwise().norm().maxCoeff();
-    bound = std::max(bound, 5e6 * step / static_cast<double>(to - from));
+    bound = std::max(bound, 5 * step / to_seconds(to - from));
     from = to;
   }
   return bound;
@@ -51,19 +49,20 @@ bool linearly_separable(const ControlPoints& points, double radius_m) {
   return false;
 }
 
-bool motions_separated(const Motion& a, const Motion& b, std::int64_t from_utime, double distance_m,
-                       double clock_error_s) {
-  const std::int64_t end = std::max(a.end_utime(), b.end_utime()), error_us = std::llround(1e6 * clock_error_s);
-  const auto kept_off = [&](std::int64_t from, std::int64_t to) {
-    return error_us == 0 ? distance_m : distance_m + clock_error_s * fastest(b, from - error_us, to + error_us);
+bool motions_separated(const Motion& a, const Motion& b, Utime start, double distance_m, double clock_error_s) {
+  const Utime end = std::max(a.end_utime(), b.end_utime());
+  const Duration clock_error = to_duration(clock_error_s);
+  const auto kept_off = [&](Utime from, Utime to) {
+    return clock_error == 0us ? distance_m
+                              : distance_m + clock_error_s * fastest(b, from - clock_error, to + clock_error);
   };
-  for (std::int64_t from = from_utime; from < end;) {
-    const std::int64_t to = std::min({a.next_knot_after(from), b.next_knot_after(from), end});
+  for (Utime from = start; from < end;) {
+    const Utime to = std::min({a.next_knot_after(from), b.next_knot_after(from), end});
     const ControlPoints difference = control_points_between(a, from, to) - control_points_between(b, from, to);
-    if (!separated(difference, 1e-6 * static_cast<double>(to - from), kept_off(from, to))) return false;
+    if (!separated(difference, to_seconds(to - from), kept_off(from, to))) return false;
     from = to;
   }
-  const std::int64_t rest = std::max(end, from_utime);
+  const Utime rest = std::max(end, start);
   return (a.at(rest).position - b.at(rest).position).norm() >= kept_off(rest, rest);
 }
 

@@ -27,9 +27,9 @@ KeptPromise load_promise(PromiseStore& store, int robot_id, std::int32_t first_b
   sogm_swarm::announcement_t kept;
   if (decode(store.load(), &kept) != Refusal::kNone || kept.header.robot_id != robot_id ||
       kept.header.boot == std::numeric_limits<std::int32_t>::max())
-    return {first_boot, {}, 0, 0};
+    return {first_boot, {}, 0, {}};
   return {kept.header.boot + 1, motion_of(kept), kept.forced_seq,
-          kept.header.utime};  // what was pending nobody can have committed
+          to_utime(kept.header.utime)};  // what was pending nobody can have committed
 }
 
 }  // namespace swarm

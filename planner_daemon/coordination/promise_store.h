@@ -50,7 +50,7 @@ struct KeptPromise {
   std::int32_t boot = 0;
   std::optional<Motion> motion;
   std::int32_t forced_seq = 0;  // newest trajectory that was forced
-  std::int64_t utime = 0;       // when it was kept
+  Utime utime{};                // when it was kept
 };
 KeptPromise load_promise(PromiseStore& store, int robot_id, std::int32_t first_boot);
 

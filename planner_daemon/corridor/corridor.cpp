@@ -58,14 +58,14 @@ void CorridorBuilder::extract_surface(const Occupancy& occupancy, double blocked
   }
 }
 
-FiriStatus CorridorBuilder::build(const ControlPoints& piece, const Occupancy& occupancy, double blocked_m,
-                                  std::int64_t from_utime, std::int64_t to_utime, Polytope* polytope) {
+FiriStatus CorridorBuilder::build(const ControlPoints& piece, const Occupancy& occupancy, double blocked_m, Utime from,
+                                  Utime to, Polytope* polytope) {
   const Eigen::Vector3d seed_min = piece.rowwise().minCoeff(), seed_max = piece.rowwise().maxCoeff();
   // A seed that leaves the flight space (the robot comes back from outside) widens the box.
   const Eigen::Vector3d lower = (seed_min.array() - options_.extent_m).matrix().cwiseMax(space_min_).cwiseMin(seed_min);
   const Eigen::Vector3d upper = (seed_max.array() + options_.extent_m).matrix().cwiseMin(space_max_).cwiseMax(seed_max);
   const Sogm& sogm = *occupancy.sogm;
-  extract_surface(occupancy, blocked_m, sogm.frame_at(from_utime), sogm.frame_at(to_utime - 1), lower, upper);
+  extract_surface(occupancy, blocked_m, sogm.frame_at(from), sogm.frame_at(to - 1us), lower, upper);
   FiriOptions firi;
   firi.spacing_m = sogm.geometry.resolution_m;
   firi.half_extent_m = 0.5 * sogm.geometry.resolution_m;

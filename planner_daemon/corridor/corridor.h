@@ -26,8 +26,8 @@ class CorridorBuilder {
 
   // Polytope around `piece`, flown during [from, to], that holds all its control points. Obstacles are the voxels
   // within `blocked_m` of what is occupied. kSeedBlocked when the centre of one lies in the hull of the control points.
-  [[nodiscard]] FiriStatus build(const ControlPoints& piece, const Occupancy& occupancy, double blocked_m,
-                                 std::int64_t from_utime, std::int64_t to_utime, Polytope* polytope);
+  [[nodiscard]] FiriStatus build(const ControlPoints& piece, const Occupancy& occupancy, double blocked_m, Utime from,
+                                 Utime to, Polytope* polytope);
 
   // Centres of the voxels of the newest build's obstacles, a voxel's edge apart: the surface of the union over its
   // frames.

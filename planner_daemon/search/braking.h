@@ -11,7 +11,7 @@ namespace swarm {
 // Brakes to rest from a node, evenly, and hovers to the end of horizon and map: visit(sample) of each sample on the
 // way, until it returns false. The knots behind the node's go to `path` in any case.
 struct BrakeSample {
-  std::int64_t utime;
+  Utime utime;
   double duration_s;
   std::size_t word;           // of the maps' layers
   std::uint64_t blocked_bit;  // in it; 0: free
@@ -57,29 +57,29 @@ void brake(const SearchContext& context, const SearchNode& node, SearchPath* pat
   const Eigen::Vector3i voxel = grid.voxel_of(state.position);
   if (!goes_on || !grid.contains(voxel)) return;
   // At rest, one look per frame is enough.
-  std::int64_t utime = context.utime_at(path->num_pieces);
+  Utime utime = context.utime_at(path->num_pieces);
   const int column = (voxel.x() * grid.size.y() + voxel.y()) * grid.words_per_column() + (voxel.z() >> 6);
   int frame = map.frame_at(utime);
   const Sogm& blocked = space.blocked(frame, map.num_frames - 1, {voxel.head<2>(), voxel.head<2>()});
   for (; goes_on && utime < context.hover_until_utime; ++frame) {
     const bool stays = frame == map.num_frames - 1;
-    const std::int64_t end = map.start_utime + (frame + 1) * map.frame_duration_us;
-    const std::int64_t next = stays ? context.hover_until_utime : std::min(context.hover_until_utime, end);
+    const Utime end = map.start_utime + (frame + 1) * map.frame_duration;
+    const Utime next = stays ? context.hover_until_utime : std::min(context.hover_until_utime, end);
     const auto word = static_cast<std::size_t>(frame * context.words_per_frame + column);
-    goes_on = visit(BrakeSample{utime, 1e-6 * static_cast<double>(next - utime), word,
+    goes_on = visit(BrakeSample{utime, to_seconds(next - utime), word,
                                 blocked.words[word] & std::uint64_t{1} << (voxel.z() & 63), false});
     utime = next;
   }
 }
 
-// When braking from a node first meets what is blocked, or leaves the flight space; kNeverBlocked: it comes to rest.
-inline std::int64_t brake_until_blocked(const SearchContext& context, const SearchNode& node, SearchPath* path) {
-  std::int64_t first_blocked = kNeverBlocked;
+// When braking from a node first meets what is blocked, or leaves the flight space; kNever: it comes to rest.
+inline Utime brake_until_blocked(const SearchContext& context, const SearchNode& node, SearchPath* path) {
+  Utime first_blocked = kNever;
   brake(context, node, path, [&](const BrakeSample& sample) {
-    const double ahead_s = 1e-6 * static_cast<double>(sample.utime - context.problem.start_utime);
+    const double ahead_s = to_seconds(sample.utime - context.problem.start_utime);
     const bool leaves = context.start_blocked && ahead_s <= context.options.leave_s;
     if ((sample.blocked_bit != 0 && !leaves) || sample.strays) first_blocked = sample.utime;
-    return first_blocked == kNeverBlocked;
+    return first_blocked == kNever;
   });
   return first_blocked;
 }

@@ -9,7 +9,7 @@ namespace swarm {
 namespace {
 
 constexpr int kLeadOn = 5;  // manoeuvres of the first phase that a second one follows
-constexpr std::int64_t kViolationStep_us = 10'000;
+constexpr Duration kViolationStep = 10ms;
 constexpr double kStrayCost = 1e6;    // of leaving the flight space: worse than any collision
 constexpr double kRounding_m = 1e-3;  // of what is carried in floats
 
@@ -28,7 +28,7 @@ double EscapeSearch::brake_violation(const SearchNode& node, SearchPath* path) c
   double violation = 0.0;
   brake(context_, node, path, [&](const BrakeSample& sample) {
     if (sample.blocked_bit != 0) {
-      const double ahead_s = 1e-6 * static_cast<double>(sample.utime - context_.problem.start_utime);
+      const double ahead_s = to_seconds(sample.utime - context_.problem.start_utime);
       violation += sample.duration_s *
                    context_.blocked_cost(ahead_s, context_.problem.space->severity(sample.word, sample.blocked_bit));
     }
@@ -43,7 +43,7 @@ void EscapeSearch::find(const SearchProblem& problem, SearchResult* result) {
   context_.set(problem);
   context_.problem.fine = false;
   result->expansions = 0;
-  result->free_until_utime = kNeverBlocked;
+  result->free_until_utime = kNever;
   result->settled = false;
   result->left_blocked = context_.start_blocked;
   tree_.plant();
@@ -75,18 +75,17 @@ double EscapeSearch::violation_cost(const Motion& motion) const {
   const Sogm& map = context_.problem.space->grid();
   const SearchLimits& limits = context_.limits;
   Eigen::Vector3d before = motion.at(context_.problem.start_utime).position;
-  for (std::int64_t t = context_.problem.start_utime; t < context_.hover_until_utime; t += kViolationStep_us) {
+  for (Utime t = context_.problem.start_utime; t < context_.hover_until_utime; t += kViolationStep) {
     const Eigen::Vector3d position = motion.at(t).position;
     const auto severity = context_.problem.space->severity_at(position, map.frame_at(t));
-    if (severity)
-      cost += context_.blocked_cost(1e-6 * static_cast<double>(t - context_.problem.start_utime), *severity);
+    if (severity) cost += context_.blocked_cost(to_seconds(t - context_.problem.start_utime), *severity);
     // As in the search: whoever is outside may only come back.
     const Eigen::Array3d below = limits.space_min - position, above = position - limits.space_max;
     const Eigen::Array3d moved = position - before;
     if ((below > kRounding_m && moved < 0.0).any() || (above > kRounding_m && moved > 0.0).any()) return kStrayCost;
     before = position;
   }
-  return cost * 1e-6 * kViolationStep_us;
+  return cost * to_seconds(kViolationStep);
 }
 
 }  // namespace swarm

@@ -25,7 +25,7 @@ class GoalHeuristic {
   }
 
   // Step of the space-time heuristic at a time; 0 where there is none.
-  int step_at(std::int64_t utime) const { return delays_ != nullptr ? delays_->step_at(utime) : 0; }
+  int step_at(Utime utime) const { return delays_ != nullptr ? delays_->step_at(utime) : 0; }
   AxisTerm axis_term(int step, int axis, double position, double velocity) const {
     return {axis_time(axis, position, velocity), delays_ != nullptr ? delays_->cell_of(step, axis, position) : -1};
   }

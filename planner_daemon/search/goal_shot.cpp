@@ -23,13 +23,13 @@ bool hurries(const ControlPoints& whole, double h_s, const SearchLimits& limits)
 
 }  // namespace
 
-std::int64_t GoalShot::goal_open_from() const {
+Utime GoalShot::goal_open_from() const {
   const SearchProblem& problem = context_.problem;
   const Sogm& map = problem.space->grid();
   int frame = map.frame_at(context_.utime_at(context_.options.num_pieces));
-  if (problem.space->recently_occupied_at(problem.goal, frame)) return kNeverBlocked;
+  if (problem.space->recently_occupied_at(problem.goal, frame)) return kNever;
   while (frame > 0 && !problem.space->recently_occupied_at(problem.goal, frame - 1)) --frame;
-  return frame == 0 ? problem.start_utime : map.start_utime + frame * map.frame_duration_us;
+  return frame == 0 ? problem.start_utime : map.start_utime + frame * map.frame_duration;
 }
 
 bool GoalShot::shoot(const SearchNode& node, SearchPath* path) {
@@ -63,7 +63,7 @@ bool GoalShot::shoot(const SearchNode& node, SearchPath* path) {
     for (int i = 1; i <= room * num_samples && ok; ++i) {
       const double s = std::min(1.0, static_cast<double>(i) / (pieces * num_samples));
       const Eigen::Vector3d position = bezier_position(whole, s);
-      const std::int64_t utime = context_.utime_of_sample(node.depth, i - 1);
+      const Utime utime = context_.utime_of_sample(node.depth, i - 1);
       ok = !context_.problem.space->recently_occupied_at(position, map.frame_at(utime)) &&
            (position.array() >= limits.space_min.array() - 1e-6).all() &&
            (position.array() <= limits.space_max.array() + 1e-6).all();

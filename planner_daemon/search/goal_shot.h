@@ -1,7 +1,6 @@
 // How a path of the search ends at the goal: in one quintic.
 #pragma once
 
-#include <cstdint>
 #include <optional>
 
 #include "planner_daemon/search/search_context.h"
@@ -22,11 +21,11 @@ class GoalShot {
   [[nodiscard]] bool shoot(const SearchNode& node, SearchPath* path);
 
  private:
-  // From when on hovering at the goal is so until the horizon; kNeverBlocked: never.
-  std::int64_t goal_open_from() const;
+  // From when on hovering at the goal is so until the horizon; kNever: not at all.
+  Utime goal_open_from() const;
 
   const SearchContext& context_;
-  std::optional<std::int64_t> goal_open_utime_;  // once it was asked for
+  std::optional<Utime> goal_open_utime_;  // once it was asked for
 };
 
 }  // namespace swarm

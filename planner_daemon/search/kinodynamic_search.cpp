@@ -45,7 +45,7 @@ SearchStatus KinodynamicSearch::find(const SearchProblem& problem, SearchResult*
   closed_.clear();
   expanded_.clear();
   result->expansions = 0;
-  result->free_until_utime = kNeverBlocked;
+  result->free_until_utime = kNever;
   result->settled = false;
   result->left_blocked = context_.start_blocked;
   const double tau_s = context_.primitives.tau_s();
@@ -66,7 +66,7 @@ SearchStatus KinodynamicSearch::find(const SearchProblem& problem, SearchResult*
     }
     if (node.depth < context_.primitives.max_depth()) {
       tree_.for_each_child(index, [this](std::int32_t child) { open_.push({tree_.total(child), child}); });
-    } else if (brake_until_blocked(context_, node, result) == kNeverBlocked) {
+    } else if (brake_until_blocked(context_, node, result) == kNever) {
       tree_.trace_back(index, result);
       return SearchStatus::kSurvives;
     }
@@ -82,15 +82,15 @@ SearchStatus KinodynamicSearch::settle(SearchResult* result) {
   std::sort(expanded_.begin(), expanded_.end(),
             [&](std::int32_t a, std::int32_t b) { return cost(a) < cost(b) || (cost(a) == cost(b) && a < b); });
   std::int32_t longest = 0;
-  std::int64_t longest_until = -1;
+  Utime longest_until = Utime::min();
   for (const std::int32_t index : expanded_) {
-    const std::int64_t until = brake_until_blocked(context_, tree_[index], result);
+    const Utime until = brake_until_blocked(context_, tree_[index], result);
     if (until > longest_until) longest_until = until, longest = index;
-    if (until == kNeverBlocked) break;
+    if (until == kNever) break;
   }
   result->free_until_utime = brake_until_blocked(context_, tree_[longest], result);
   tree_.trace_back(longest, result);
-  return longest_until == kNeverBlocked ? SearchStatus::kSurvives : SearchStatus::kPartial;
+  return longest_until == kNever ? SearchStatus::kSurvives : SearchStatus::kPartial;
 }
 
 }  // namespace swarm

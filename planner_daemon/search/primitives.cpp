@@ -35,9 +35,9 @@ double min_time_to_rest(double d, double v, double v_max_mps, double a_max_mps2)
 Primitives::Primitives(const SearchLimits& limits, const SearchOptions& options)
     : limits_(limits),
       options_(options),
-      tau_s_(options.piece_us * 1e-6),
+      tau_s_(to_seconds(options.piece)),
       a_usable_mps2_(kUsable * limits.a_max_mps2),
-      brake_pieces_(brake_pieces(limits, options.piece_us)),
+      brake_pieces_(brake_pieces(limits, options.piece)),
       max_depth_(options.num_pieces - brake_pieces_) {
   if (options.num_pieces > Trajectory::kMaxPieces || max_depth_ < 1) {
     throw std::invalid_argument("horizon: " + std::to_string(options.num_pieces) + " pieces; must be at least " +
@@ -46,8 +46,8 @@ Primitives::Primitives(const SearchLimits& limits, const SearchOptions& options)
   }
 }
 
-int Primitives::brake_pieces(const SearchLimits& limits, std::int32_t piece_us) {
-  return static_cast<int>(std::ceil(limits.v_max_mps / (1e-6 * piece_us * kUsable * limits.a_max_mps2))) + 1;
+int Primitives::brake_pieces(const SearchLimits& limits, Duration piece) {
+  return static_cast<int>(std::ceil(limits.v_max_mps / (to_seconds(piece) * kUsable * limits.a_max_mps2))) + 1;
 }
 
 void Primitives::lay_out(const GridGeometry& grid) {

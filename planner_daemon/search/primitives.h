@@ -45,7 +45,7 @@ class Primitives {
   Primitives(const SearchLimits& limits, const SearchOptions& options);
 
   // Primitives in which any reachable state comes to rest.
-  static int brake_pieces(const SearchLimits& limits, std::int32_t piece_us);
+  static int brake_pieces(const SearchLimits& limits, Duration piece);
 
   double tau_s() const { return tau_s_; }
   double a_usable_mps2() const { return a_usable_mps2_; }  // of a_max: a little is left for rounding

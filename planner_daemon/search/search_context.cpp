@@ -35,7 +35,7 @@ void SearchContext::set(const SearchProblem& problem_in) {
   const Sogm& map = problem.space->grid();
   primitives.lay_out(map.geometry);
   heuristic.set(problem, limits.v_max_mps, primitives.a_usable_mps2());
-  hover_until_utime = std::max(utime_at(options.num_pieces), map.start_utime + map.num_frames * map.frame_duration_us);
+  hover_until_utime = std::max(utime_at(options.num_pieces), map.end_utime());
   start_blocked = problem.space->blocked_at(problem.start.position, map.frame_at(problem.start_utime));
   words_per_frame = map.geometry.words_per_frame();
   for (int depth = 0; depth < options.num_pieces; ++depth) {

@@ -3,7 +3,6 @@
 
 #include <array>
 #include <cstdint>
-#include <limits>
 #include <vector>
 
 #include "planner_daemon/search/goal_heuristic.h"
@@ -11,8 +10,6 @@
 #include "planner_daemon/search/search_types.h"
 
 namespace swarm {
-
-inline constexpr std::int64_t kNeverBlocked = std::numeric_limits<std::int64_t>::max();
 
 enum class BlockedSpace {
   kForbidden,  // but for a start inside it, which is left within SearchOptions::leave_s
@@ -26,7 +23,7 @@ struct SearchContext {
   // Another problem; its space must be composed.
   void set(const SearchProblem& problem_in);
 
-  std::int64_t utime_at(int depth) const { return problem.start_utime + depth * std::int64_t{options.piece_us}; }
+  Utime utime_at(int depth) const { return problem.start_utime + depth * options.piece; }
   // Whether a sample of a primitive may lie in blocked space.
   bool may_be_blocked(int depth, int sample) const {
     return rule == BlockedSpace::kCosts ||
@@ -39,8 +36,8 @@ struct SearchContext {
     return first_words[static_cast<std::size_t>(depth)][static_cast<std::size_t>(primitives.num_samples()) - 1] /
            words_per_frame;
   }
-  std::int64_t utime_of_sample(int depth, int sample) const {
-    return utime_at(depth) + (sample + 1) * std::int64_t{options.piece_us} / primitives.num_samples();
+  Utime utime_of_sample(int depth, int sample) const {
+    return utime_at(depth) + (sample + 1) * options.piece / primitives.num_samples();
   }
   // Cost per second in blocked space, so long after the start.
   double blocked_cost(double ahead_s, Severity severity) const;
@@ -53,7 +50,7 @@ struct SearchContext {
   SearchProblem problem;
   GoalHeuristic heuristic;
   bool start_blocked = false;
-  std::int64_t hover_until_utime = 0;                              // end of horizon and map
+  Utime hover_until_utime{};                                       // end of horizon and map
   int words_per_frame = 0;                                         // of the maps
   std::vector<std::array<std::int32_t, kMaxSamples>> first_words;  // of the frame in force, by depth and sample
   std::vector<int> heuristic_steps;                                // at the end of each depth

@@ -3,8 +3,6 @@
 
 #include <Eigen/Core>
 #include <array>
-#include <cstdint>
-#include <limits>
 
 #include "planner_daemon/search/space_time_heuristic.h"
 #include "planner_daemon/space/configuration_space.h"
@@ -20,9 +18,9 @@ struct SearchLimits {
 };
 
 struct SearchOptions {
-  std::int32_t piece_us = 200'000;  // duration tau of a primitive
-  int num_pieces = 10;              // horizon in primitives, braking to rest included; <= Trajectory::kMaxPieces
-  int max_expansions = 150;         // the budget, counted
+  Duration piece = 200ms;    // duration tau of a primitive
+  int num_pieces = 10;       // horizon in primitives, braking to rest included; <= Trajectory::kMaxPieces
+  int max_expansions = 150;  // the budget, counted
   double heuristic_weight = 1.5;
   double cell_m = 0.3;            // closed list: position
   double cell_mps = 0.9;          // closed list: velocity
@@ -39,7 +37,7 @@ struct SearchOptions {
 
 struct SearchProblem {
   MotionState start;
-  std::int64_t start_utime = 0;
+  Utime start_utime{};
   Eigen::Vector3d goal = Eigen::Vector3d::Zero();  // W [m]
   ConfigurationSpace* space = nullptr;             // composed; works out what is looked at
   const SpaceTimeHeuristic* heuristic = nullptr;   // knows detours and waits; null: none
@@ -63,10 +61,10 @@ struct SearchPath {
 };
 
 struct SearchResult : SearchPath {
-  std::int64_t free_until_utime = 0;  // the path meets blocked space then; INT64_MAX: never within the map
-  int expansions = 0;                 // nodes expanded; of an escape: manoeuvres looked at
-  bool settled = false;               // the budget was spent or nothing was left to expand: the best seen
-  bool left_blocked = false;          // it started in blocked space
+  Utime free_until_utime{};   // the path meets blocked space then; kNever: not within the map
+  int expansions = 0;         // nodes expanded; of an escape: manoeuvres looked at
+  bool settled = false;       // the budget was spent or nothing was left to expand: the best seen
+  bool left_blocked = false;  // it started in blocked space
 };
 
 }  // namespace swarm

@@ -60,8 +60,8 @@ void for_each_outside(const Columns& all, const Columns& kept, const Visit& visi
 
 }  // namespace
 
-int SpaceTimeHeuristic::step_at(std::int64_t utime) const {
-  const double steps = 1e-6 * static_cast<double>(utime - start_utime_) / step_s_;
+int SpaceTimeHeuristic::step_at(Utime utime) const {
+  const double steps = to_seconds(utime - start_utime_) / step_s_;
   return static_cast<int>(std::clamp<double>(std::round(steps), 0, num_steps_));
 }
 
@@ -88,7 +88,7 @@ void SpaceTimeHeuristic::build(const Occupancy& occupancy, double blocked_m, con
 
 // Cells where the robot may be when the step starts, give or take half a step, and one more to each side.
 SpaceTimeHeuristic::Box SpaceTimeHeuristic::reachable_cells(const ReachableSet& reachable, int step) const {
-  const double since_s = 1e-6 * static_cast<double>(start_utime_ - reachable.utime) + step * step_s_;
+  const double since_s = to_seconds(start_utime_ - reachable.utime) + step * step_s_;
   Box box{Eigen::Vector3i::Zero(), size_ - Eigen::Vector3i::Ones()};
   for (int axis = 0; axis < 2; ++axis) {
     const Interval at =
@@ -113,7 +113,7 @@ void SpaceTimeHeuristic::lay_out(const Sogm& sogm, const Eigen::Vector3d& goal, 
   start_utime_ = sogm.start_utime;
   corner_ = grid.origin.cast<double>() * grid.resolution_m;
   edge_ = grid.size.cast<double>() / kCellVoxels;
-  const double horizon_s = 1e-6 * static_cast<double>(sogm.num_frames * sogm.frame_duration_us);
+  const double horizon_s = to_seconds(sogm.num_frames * sogm.frame_duration);
   const int num_steps = static_cast<int>(std::clamp<double>(std::ceil(horizon_s / step_s_ - 0.1), 1, kMostSteps));
   if (size != size_ || num_steps_ != num_steps) {
     size_ = size;
@@ -206,7 +206,7 @@ void SpaceTimeHeuristic::close(int step, const Occupancy& occupancy) {
   const Sogm& sogm = *occupancy.sogm;
   const Box& box = boxes_[static_cast<std::size_t>(step)];
   const Columns columns = box.columns();
-  const int frame = sogm.frame_at(start_utime_ + std::llround(1e6 * (step + 0.5) * step_s_));
+  const int frame = sogm.frame_at(start_utime_ + to_duration((step + 0.5) * step_s_));
   const Eigen::Vector2i margin = Eigen::Vector2i::Constant(dilator_.radius_voxels());
   layers_.clear();
   occupancy.append_layers(frame,

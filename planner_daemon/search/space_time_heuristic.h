@@ -31,7 +31,7 @@ class SpaceTimeHeuristic {
   static constexpr int kClosedSteps = 7;
 
   int num_steps() const { return num_steps_; }
-  int step_at(std::int64_t utime) const;  // nearest start of a step; num_steps(): after the last
+  int step_at(Utime utime) const;  // nearest start of a step; num_steps(): after the last
   // Index along an axis of the cell that holds a coordinate [m]; -1 where nothing is known in this step. A rest of the
   // window that is less than a cell counts as the last cell.
   int cell_of(int step, int axis, double coordinate) const {
@@ -76,7 +76,7 @@ class SpaceTimeHeuristic {
   void close(int step, const Occupancy& occupancy);
 
   double cell_m_ = 0.3, inverse_cell_ = 1 / 0.3, step_s_ = 0.15, tick_s_ = 0.01;
-  std::int64_t start_utime_ = 0;
+  Utime start_utime_{};
   int num_steps_ = 0;
   Eigen::Vector3d corner_ = Eigen::Vector3d::Zero();  // of the window, W [m]
   Eigen::Vector3d edge_ = Eigen::Vector3d::Zero();    // of the window [cells]

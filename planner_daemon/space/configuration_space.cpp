@@ -7,8 +7,8 @@
 namespace swarm {
 namespace {
 
-constexpr int kTile = 4;  // columns along each edge of what is worked out or not
-constexpr std::int64_t kLongestStep_us = 10'000, kShortestStep_us = 1'000;  // of checks along a motion
+constexpr int kTile = 4;                                      // columns along each edge of what is worked out or not
+constexpr Duration kLongestStep = 10ms, kShortestStep = 1ms;  // of checks along a motion
 
 // A peer is occupied space: like an obstacle's voxels it counts by centres, so half a voxel comes on top.
 double occupied_radius_m(const Peer& peer, const Sogm& sogm) {
@@ -18,10 +18,10 @@ double occupied_radius_m(const Peer& peer, const Sogm& sogm) {
 // What it held stays.
 void lay_out(const Sogm& like, int num_frames, Sogm* sogm) {
   if (sogm->geometry.size != like.geometry.size || sogm->num_frames != num_frames)
-    sogm->reset(like.geometry, num_frames, like.start_utime, like.frame_duration_us);
+    sogm->reset(like.geometry, num_frames, like.start_utime, like.frame_duration);
   sogm->geometry = like.geometry;
   sogm->start_utime = like.start_utime;
-  sogm->frame_duration_us = like.frame_duration_us;
+  sogm->frame_duration = like.frame_duration;
 }
 
 Columns column_of(const Eigen::Vector3i& voxel) {
@@ -39,8 +39,7 @@ void ConfigurationSpace::compose(const Sogm& sogm, const std::vector<Peer>& peer
   emergency_.dilator.set(sogm.geometry, options_.radius_m + options_.emergency_clearance_m);
   collision_.dilator.set(sogm.geometry, std::max(0.0, options_.radius_m - options_.collision_depth_m));
   inflation_dilator_.set(sogm.geometry, options_.inflation_m);
-  recent_frames_ =
-      static_cast<int>(std::llround(1e6 * options_.recently_occupied_s / static_cast<double>(sogm.frame_duration_us)));
+  recent_frames_ = static_cast<int>(std::lround(options_.recently_occupied_s / to_seconds(sogm.frame_duration)));
   tiles_ = (sogm.geometry.size.head<2>().array() + kTile - 1) / kTile;
   const auto tiles = static_cast<std::size_t>(sogm.num_frames) * static_cast<std::size_t>(tiles_.prod());
   if (inflation_rounds_.size() != tiles || round_ == std::numeric_limits<std::uint32_t>::max()) {
@@ -68,23 +67,23 @@ void ConfigurationSpace::add_peers(const std::vector<Peer>& peers, const Reachab
     all.first = all.first.cwiseMin(bounds_.back().first);
     all.last = all.last.cwiseMax(bounds_.back().last);
   }
-  const std::int64_t error_us = std::llround(1e6 * options_.clock_error_s);
+  const Duration clock_error = to_duration(options_.clock_error_s);
   for (const Peer& peer : peers) {
     const double radius_m = occupied_radius_m(peer, sogm);
     const double widest_m = radius_m + (peer.silent ? options_.silent_peer_margin_m : 0.0);
     const Columns space{sogm.geometry.voxel_of(peer.space.min().array() - widest_m).head<2>(),
                         sogm.geometry.voxel_of(peer.space.max().array() + widest_m).head<2>()};
     if (!intersect(space, all)) continue;
-    if (peer.silent) silent_peers_.add(peer.motion, widest_m, error_us, bounds_);
-    peers_.add(peer.motion, radius_m, error_us, bounds_);
-    if (!peer.pending.empty()) peers_.add({peer.motion.committed, peer.pending}, radius_m, error_us, bounds_);
+    if (peer.silent) silent_peers_.add(peer.motion, widest_m, clock_error, bounds_);
+    peers_.add(peer.motion, radius_m, clock_error, bounds_);
+    if (!peer.pending.empty()) peers_.add({peer.motion.committed, peer.pending}, radius_m, clock_error, bounds_);
   }
 }
 
 Occupancy ConfigurationSpace::compose_standing(const std::vector<Peer>& peers) {
   const Sogm& sogm = *occupancy_.sogm;
   lay_out(sogm, 1, &standing_);
-  standing_.frame_duration_us = sogm.num_frames * sogm.frame_duration_us;
+  standing_.frame_duration = sogm.num_frames * sogm.frame_duration;
   const auto n = static_cast<std::size_t>(sogm.geometry.words_per_frame());
   const std::uint64_t *first = sogm.column(0, 0, 0), *last = sogm.column(sogm.num_frames - 1, 0, 0);
   standing_words_.clear();  // little is left of the first and the last frame together
@@ -100,7 +99,7 @@ Occupancy ConfigurationSpace::compose_standing(const std::vector<Peer>& peers) {
   standing_peers_.lay_out(standing_);
   for (const Peer& peer : peers) {
     if (peer.motion.end_utime() <= sogm.start_utime)
-      standing_peers_.add(peer.motion, occupied_radius_m(peer, sogm), 0, {&all, 1});
+      standing_peers_.add(peer.motion, occupied_radius_m(peer, sogm), 0us, {&all, 1});
   }
   return {&standing_, &standing_peers_};
 }
@@ -194,24 +193,22 @@ std::optional<Severity> ConfigurationSpace::severity_at(const Eigen::Vector3d& p
   return collides ? Severity::kCollision : Severity::kEmergency;
 }
 
-std::int64_t ConfigurationSpace::first_blocked(const Motion& motion, std::int64_t from_utime) {
+Utime ConfigurationSpace::first_blocked(const Motion& motion, Utime from) {
   const Sogm& map = grid();
-  const std::int64_t map_end = map.start_utime + map.num_frames * map.frame_duration_us;
-  const std::int64_t end = std::max(map_end, motion.end_utime());
-  for (std::int64_t t = from_utime; t < end;) {  // one quintic after the other
-    const std::int64_t begin = t, knot = std::min(motion.next_knot_after(t), end);
+  const Utime end = std::max(map.end_utime(), motion.end_utime());
+  for (Utime t = from; t < end;) {  // one quintic after the other
+    const Utime begin = t, knot = std::min(motion.next_knot_after(t), end);
     const ControlPoints points = control_points_between(motion, begin, knot);
-    const double share = 1.0 / static_cast<double>(knot - begin);
-    const double half_voxel_us = 0.5e6 * map.geometry.resolution_m /
-                                 std::max(max_speed_bound(points, 1e-6 * static_cast<double>(knot - begin)), 1e-3);
-    const std::int64_t step_us =
-        std::clamp(static_cast<std::int64_t>(half_voxel_us), kShortestStep_us, kLongestStep_us);
-    for (; t < knot; t += step_us) {
-      const Eigen::Vector3d position = bezier_position(points, static_cast<double>(t - begin) * share);
+    const double share = 1.0 / static_cast<double>((knot - begin).count());
+    const double half_voxel_us =
+        0.5e6 * map.geometry.resolution_m / std::max(max_speed_bound(points, to_seconds(knot - begin)), 1e-3);
+    const Duration step = std::clamp(Duration(static_cast<std::int64_t>(half_voxel_us)), kShortestStep, kLongestStep);
+    for (; t < knot; t += step) {
+      const Eigen::Vector3d position = bezier_position(points, static_cast<double>((t - begin).count()) * share);
       if (blocked_at(position, map.frame_at(t))) return t;
     }
   }
-  return std::numeric_limits<std::int64_t>::max();
+  return kNever;
 }
 
 }  // namespace swarm

@@ -67,9 +67,9 @@ class ConfigurationSpace {
   bool recently_occupied_at(const Eigen::Vector3d& position, int frame);
   // None where it is free.
   std::optional<Severity> severity_at(const Eigen::Vector3d& position, int frame);
-  // First time from `from_utime` on at which the motion enters blocked space, or INT64_MAX: looked at every 10 ms, and
+  // First time from `from` on at which the motion enters blocked space, or kNever: looked at every 10 ms, and
   // where it is fast every half voxel along the fastest axis, down to 1 ms; hover tail included.
-  std::int64_t first_blocked(const Motion& motion, std::int64_t from_utime);
+  Utime first_blocked(const Motion& motion, Utime from);
 
  private:
   // What was worked out of a layer, by tile: in which round (composed space) last.

@@ -1,17 +1,15 @@
 #include "planner_daemon/space/first_touch.h"
 
 #include <cmath>
-#include <limits>
 
 namespace swarm {
 namespace {
 
-constexpr std::int64_t kTouchStep_us = 20'000;
+constexpr Duration kTouchStep = 20ms;
 
 }  // namespace
 
-std::int64_t first_touch(const Sogm& sogm, const Motion& motion, double radius_m, std::int64_t from_utime,
-                         std::int64_t until_utime) {
+Utime first_touch(const Sogm& sogm, const Motion& motion, double radius_m, Utime from, Utime until) {
   const GridGeometry& grid = sogm.geometry;
   const double radius = radius_m / grid.resolution_m;
   const auto touches = [&](const Eigen::Vector3d& position, int frame) {
@@ -32,10 +30,10 @@ std::int64_t first_touch(const Sogm& sogm, const Motion& motion, double radius_m
     }
     return any != 0;
   };
-  for (std::int64_t t = from_utime; t <= until_utime; t += kTouchStep_us) {
+  for (Utime t = from; t <= until; t += kTouchStep) {
     if (touches(motion.at(t).position, sogm.frame_at(t))) return t;
   }
-  return std::numeric_limits<std::int64_t>::max();
+  return kNever;
 }
 
 }  // namespace swarm

@@ -1,7 +1,6 @@
 #include "planner_daemon/space/reachability.h"
 
 #include <algorithm>
-#include <cmath>
 
 namespace swarm {
 namespace {
@@ -25,7 +24,7 @@ Interval extent(const ReachableSet& reachable, int axis, double from_s, double t
 Columns reachable_columns(const Sogm& sogm, int frame, const ReachableSet& reachable, double linger_s) {
   const bool last = frame + 1 == sogm.num_frames;
   const auto since_s = [&](int number) {
-    return 1e-6 * static_cast<double>(sogm.start_utime + number * sogm.frame_duration_us - reachable.utime);
+    return to_seconds(sogm.start_utime + number * sogm.frame_duration - reachable.utime);
   };
   const double end_s = since_s(frame + 1) + linger_s;
   if (end_s < 0.0 && !last) return {};

@@ -1,7 +1,6 @@
 // Where a robot can come to while a frame of the SOGM is in force: the rest need not be worked out.
 #pragma once
 
-#include <cstdint>
 #include <limits>
 
 #include "map_daemon/sogm.h"
@@ -12,7 +11,7 @@ namespace swarm {
 // y, until `horizon_s` later.
 struct ReachableSet {
   Eigen::Vector3d center = Eigen::Vector3d::Zero();  // W [m]
-  std::int64_t utime = 0;
+  Utime utime{};
   double speed_mps = 0.0;
   double horizon_s = 0.0;
   double acceleration_mps2 = std::numeric_limits<double>::infinity();  // it turns at once

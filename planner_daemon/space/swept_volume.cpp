@@ -58,7 +58,7 @@ SWARM_WIDE void cut_columns(const Capsule& capsule, const Eigen::Vector2d& offse
 void SweptVolumes::lay_out(const Sogm& sogm) {
   grid_ = sogm.geometry;
   start_utime_ = sogm.start_utime;
-  frame_duration_us_ = sogm.frame_duration_us;
+  frame_duration_ = sogm.frame_duration;
   patches_.resize(static_cast<std::size_t>(sogm.num_frames));
   for (auto& patches : patches_) patches.clear();
   words_.clear();
@@ -90,25 +90,24 @@ std::optional<SweptVolumes::Patch> SweptVolumes::mark_capsule(const Eigen::Vecto
   return patch;
 }
 
-void SweptVolumes::add(const Motion& motion, double radius_m, std::int64_t clock_error_us,
-                       std::span<const Columns> bounds) {
+void SweptVolumes::add(const Motion& motion, double radius_m, Duration clock_error, std::span<const Columns> bounds) {
   const auto num_frames = static_cast<std::int64_t>(patches_.size());
-  const std::int64_t end = start_utime_ + num_frames * frame_duration_us_ + clock_error_us;
-  for (std::int64_t from = start_utime_ - clock_error_us; from < end;) {  // one quintic after the other
-    const std::int64_t to = std::min(motion.next_knot_after(from), end);
+  const Utime end = start_utime_ + num_frames * frame_duration_ + clock_error;
+  for (Utime from = start_utime_ - clock_error; from < end;) {  // one quintic after the other
+    const Utime to = std::min(motion.next_knot_after(from), end);
     const ControlPoints quintic = control_points_between(motion, from, to);
     const Columns around{grid_.voxel_of(quintic.rowwise().minCoeff().array() - radius_m).head<2>(),
                          grid_.voxel_of(quintic.rowwise().maxCoeff().array() + radius_m).head<2>()};
-    const auto share = [&](std::int64_t utime) {
-      return static_cast<double>(utime - from) / static_cast<double>(to - from);
+    const auto share = [&](Utime utime) {
+      return static_cast<double>((utime - from).count()) / static_cast<double>((to - from).count());
     };
     std::optional<Patch> rests;  // the same in every frame
     if ((quintic.colwise() - quintic.col(0)).isZero(0.0))
       rests = mark_capsule(quintic.col(0), quintic.col(0), radius_m, all_columns(grid_));
-    const std::int64_t first = (from - clock_error_us - start_utime_) / frame_duration_us_;
+    const std::int64_t first = (from - clock_error - start_utime_) / frame_duration_;
     for (std::int64_t frame = std::max<std::int64_t>(first, 0); frame < num_frames; ++frame) {
-      const std::int64_t begin = start_utime_ + frame * frame_duration_us_ - clock_error_us;
-      const std::int64_t until = begin + frame_duration_us_ + 2 * clock_error_us;
+      const Utime begin = start_utime_ + frame * frame_duration_ - clock_error;
+      const Utime until = begin + frame_duration_ + 2 * clock_error;
       if (begin >= to) break;
       const Columns& columns = bounds[static_cast<std::size_t>(frame)];
       if (columns.empty() || !intersect(around, columns)) continue;

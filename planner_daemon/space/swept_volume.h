@@ -18,10 +18,10 @@ class SweptVolumes {
   void lay_out(const Sogm& sogm);
 
   // Adds the voxels whose centre comes within `radius_m` of the motion during a frame's interval, hover tail included,
-  // though it may come earlier or later by up to `clock_error_us` >= 0; in frame i at least those in columns bounds[i]
+  // though it may come earlier or later by up to `clock_error` >= 0; in frame i at least those in columns bounds[i]
   // of the window. Conservative: each span of the curve is covered by its chord, widened by how far its control points
   // lie from the chord, so the hull of the span and with it the curve is inside.
-  void add(const Motion& motion, double radius_m, std::int64_t clock_error_us, std::span<const Columns> bounds);
+  void add(const Motion& motion, double radius_m, Duration clock_error, std::span<const Columns> bounds);
 
   // Appends what a frame holds within `columns`. Valid until the next add().
   void append_layers(int frame, const Columns& columns, std::vector<Layer>* layers) const;
@@ -38,7 +38,8 @@ class SweptVolumes {
   }
 
   GridGeometry grid_;
-  std::int64_t start_utime_ = 0, frame_duration_us_ = 1;
+  Utime start_utime_{};
+  Duration frame_duration_{1};
   std::vector<std::vector<Patch>> patches_;  // by frame
   std::vector<std::uint64_t> words_;
   std::vector<double> low_m_, high_m_;  // where a row of columns meets a capsule

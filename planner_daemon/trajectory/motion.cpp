@@ -6,9 +6,9 @@ namespace swarm {
 
 using sogm_swarm::announcement_t;
 
-std::int64_t Motion::next_knot_after(std::int64_t utime) const {
+Utime Motion::next_knot_after(Utime utime) const {
   if (!next.empty() && utime >= next.start_utime()) return next.next_knot_after(utime);
-  const std::int64_t knot = committed.next_knot_after(utime);
+  const Utime knot = committed.next_knot_after(utime);
   return next.empty() ? knot : std::min(knot, next.start_utime());
 }
 
@@ -21,12 +21,11 @@ Trajectory pending_of(const announcement_t& message) {
   return message.pending_state == announcement_t::kAnnounced ? Trajectory::from_wire(message.pending) : Trajectory();
 }
 
-ControlPoints control_points_between(const Motion& motion, std::int64_t from_utime, std::int64_t to_utime) {
+ControlPoints control_points_between(const Motion& motion, Utime from, Utime to) {
   // Both ends must come from the trajectory in force during the interval: its right end may be the start of the next.
-  const bool on_next = !motion.next.empty() && from_utime >= motion.next.start_utime();
+  const bool on_next = !motion.next.empty() && from >= motion.next.start_utime();
   const Trajectory& trajectory = on_next ? motion.next : motion.committed;
-  return quintic_control_points(trajectory.state_at(from_utime), trajectory.state_at(to_utime),
-                                1e-6 * static_cast<double>(to_utime - from_utime));
+  return quintic_control_points(trajectory.state_at(from), trajectory.state_at(to), to_seconds(to - from));
 }
 
 }  // namespace swarm

@@ -13,15 +13,15 @@ struct Motion {
   Trajectory committed;
   Trajectory next;  // empty, or starts on `committed`
 
-  MotionState at(std::int64_t utime) const {
+  MotionState at(Utime utime) const {
     return !next.empty() && utime >= next.start_utime() ? next.at(utime) : committed.at(utime);
   }
-  // First time later than `utime` at which the polynomial changes, or INT64_MAX.
-  std::int64_t next_knot_after(std::int64_t utime) const;
+  // First time later than `utime` at which the polynomial changes, or kNever.
+  Utime next_knot_after(Utime utime) const;
   // Of the trajectory it ends with.
   std::int32_t seq() const { return next.empty() ? committed.seq() : next.seq(); }
   // The robot hovers from here on.
-  std::int64_t end_utime() const { return next.empty() ? committed.end_utime() : next.end_utime(); }
+  Utime end_utime() const { return next.empty() ? committed.end_utime() : next.end_utime(); }
 };
 
 // What an announcement says its robot is bound to, and what it would like to be bound to: that is pending, and empty
@@ -30,6 +30,6 @@ Motion motion_of(const sogm_swarm::announcement_t& message);
 Trajectory pending_of(const sogm_swarm::announcement_t& message);
 
 // Control points of the motion during [from, to], which must hold no knot inside.
-ControlPoints control_points_between(const Motion& motion, std::int64_t from_utime, std::int64_t to_utime);
+ControlPoints control_points_between(const Motion& motion, Utime from, Utime to);
 
 }  // namespace swarm

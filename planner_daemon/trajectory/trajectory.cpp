@@ -1,15 +1,14 @@
 #include "planner_daemon/trajectory/trajectory.h"
 
 #include <algorithm>
-#include <limits>
 
 namespace swarm {
 
-Trajectory::Trajectory(std::int32_t seq, std::int64_t start_utime, std::int32_t piece_us, int num_pieces)
-    : seq_(seq), start_utime_(start_utime), piece_us_(piece_us), num_pieces_(num_pieces) {}
+Trajectory::Trajectory(std::int32_t seq, Utime start_utime, Duration piece, int num_pieces)
+    : seq_(seq), start_utime_(start_utime), piece_(piece), num_pieces_(num_pieces) {}
 
-Trajectory Trajectory::hover(std::int32_t seq, std::int64_t start_utime, const Eigen::Vector3d& position) {
-  Trajectory trajectory(seq, start_utime, 100'000, 1);
+Trajectory Trajectory::hover(std::int32_t seq, Utime start_utime, const Eigen::Vector3d& position) {
+  Trajectory trajectory(seq, start_utime, 100ms, 1);
   MotionState rest;
   rest.position = position;
   trajectory.set_knot(0, rest);
@@ -18,7 +17,7 @@ Trajectory Trajectory::hover(std::int32_t seq, std::int64_t start_utime, const E
 }
 
 Trajectory Trajectory::from_wire(const sogm_swarm::trajectory_t& wire) {
-  Trajectory trajectory(wire.seq, wire.start_utime, std::max(wire.piece_us, 1), wire.num_pieces);
+  Trajectory trajectory(wire.seq, to_utime(wire.start_utime), Duration(std::max(wire.piece_us, 1)), wire.num_pieces);
   for (std::size_t i = 0; i < trajectory.knots_.size(); ++i) {
     std::copy(std::begin(wire.knots[i]), std::end(wire.knots[i]), trajectory.knots_[i].begin());
   }
@@ -29,8 +28,8 @@ sogm_swarm::trajectory_t Trajectory::to_wire() const {
   sogm_swarm::trajectory_t wire{};
   if (empty()) return wire;
   wire.seq = seq_;
-  wire.start_utime = start_utime_;
-  wire.piece_us = piece_us_;
+  wire.start_utime = to_us(start_utime_);
+  wire.piece_us = static_cast<std::int32_t>(piece_.count());
   wire.num_pieces = static_cast<std::int16_t>(num_pieces_);
   for (std::size_t i = 0; i <= static_cast<std::size_t>(num_pieces_); ++i)
     std::copy(knots_[i].begin(), knots_[i].end(), wire.knots[i]);
@@ -53,29 +52,29 @@ MotionState Trajectory::knot(int i) const {
   return state;
 }
 
-MotionState Trajectory::state_at(std::int64_t utime) const {
-  const std::int64_t since = utime - start_utime_;
-  if (since < 0 || since % piece_us_ != 0 || utime > end_utime()) return at(utime);
-  return knot(static_cast<int>(since / piece_us_));
+MotionState Trajectory::state_at(Utime utime) const {
+  const Duration since = utime - start_utime_;
+  if (since < 0us || since % piece_ != 0us || utime > end_utime()) return at(utime);
+  return knot(static_cast<int>(since / piece_));
 }
 
-MotionState Trajectory::at(std::int64_t utime) const {
+MotionState Trajectory::at(Utime utime) const {
   if (utime <= start_utime_) return knot(0);
   if (utime >= end_utime()) {
     MotionState rest;
     rest.position = knot(num_pieces_).position;
     return rest;
   }
-  const std::int64_t since = utime - start_utime_;
-  const int piece = static_cast<int>(since / piece_us_);
-  const double s = static_cast<double>(since % piece_us_) / piece_us_;
+  const Duration since = utime - start_utime_;
+  const int piece = static_cast<int>(since / piece_);
+  const double s = static_cast<double>((since % piece_).count()) / static_cast<double>(piece_.count());
   return evaluate_bezier(quintic_control_points(knot(piece), knot(piece + 1), piece_s()), piece_s(), s);
 }
 
-std::int64_t Trajectory::next_knot_after(std::int64_t utime) const {
-  if (empty() || utime >= end_utime()) return std::numeric_limits<std::int64_t>::max();
+Utime Trajectory::next_knot_after(Utime utime) const {
+  if (empty() || utime >= end_utime()) return kNever;
   if (utime < start_utime_) return start_utime_;
-  return start_utime_ + ((utime - start_utime_) / piece_us_ + 1) * piece_us_;
+  return start_utime_ + ((utime - start_utime_) / piece_ + 1) * piece_;
 }
 
 }  // namespace swarm

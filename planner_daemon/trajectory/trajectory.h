@@ -5,6 +5,7 @@
 #include <array>
 #include <cstdint>
 
+#include "lcmtypes/bus/time.h"
 #include "planner_daemon/trajectory/bezier.h"
 #include "sogm_swarm/trajectory_t.hpp"
 
@@ -17,13 +18,14 @@ class Trajectory {
   // No trajectory (seq 0).
   Trajectory() = default;
   // Hover at `position` from `start_utime` on. seq >= 1.
-  static Trajectory hover(std::int32_t seq, std::int64_t start_utime, const Eigen::Vector3d& position);
+  static Trajectory hover(std::int32_t seq, Utime start_utime, const Eigen::Vector3d& position);
   // From a message that passed decode().
   static Trajectory from_wire(const sogm_swarm::trajectory_t& wire);
   sogm_swarm::trajectory_t to_wire() const;
 
-  // Appends nothing yet: an empty spline that set_knot fills. 1 <= num_pieces <= kMaxPieces.
-  Trajectory(std::int32_t seq, std::int64_t start_utime, std::int32_t piece_us, int num_pieces);
+  // Appends nothing yet: an empty spline that set_knot fills. 1 <= num_pieces <= kMaxPieces;
+  // `piece`, the duration of each, [10 ms, 10 s] as on the wire.
+  Trajectory(std::int32_t seq, Utime start_utime, Duration piece, int num_pieces);
   // Knot i in [0, num_pieces], rounded to what the wire carries.
   void set_knot(int i, const MotionState& state);
   // Knot i (jerk is zero).
@@ -32,24 +34,24 @@ class Trajectory {
   bool empty() const { return num_pieces_ == 0; }
   std::int32_t seq() const { return seq_; }
   void set_seq(std::int32_t seq) { seq_ = seq; }
-  std::int64_t start_utime() const { return start_utime_; }
-  void shift(std::int64_t later_us) { start_utime_ += later_us; }
-  std::int64_t end_utime() const { return start_utime_ + std::int64_t{piece_us_} * num_pieces_; }
-  std::int32_t piece_us() const { return piece_us_; }
-  double piece_s() const { return piece_us_ * 1e-6; }
+  Utime start_utime() const { return start_utime_; }
+  void shift(Duration later) { start_utime_ += later; }
+  Utime end_utime() const { return start_utime_ + num_pieces_ * piece_; }
+  Duration piece() const { return piece_; }  // the duration of one
+  double piece_s() const { return to_seconds(piece_); }
   int num_pieces() const { return num_pieces_; }
 
   // State at `utime`: clamped to knot 0 before the start, hovering at the last knot after the end. Not for empty ones.
-  MotionState at(std::int64_t utime) const;
+  MotionState at(Utime utime) const;
   // The same but for the jerk, which is zero at knots; faster there.
-  MotionState state_at(std::int64_t utime) const;
-  // First knot time later than `utime`, or INT64_MAX after the end: between knots the motion is one quintic.
-  std::int64_t next_knot_after(std::int64_t utime) const;
+  MotionState state_at(Utime utime) const;
+  // First knot time later than `utime`, or kNever after the end: between knots the motion is one quintic.
+  Utime next_knot_after(Utime utime) const;
 
  private:
   std::int32_t seq_ = 0;
-  std::int64_t start_utime_ = 0;
-  std::int32_t piece_us_ = 1;
+  Utime start_utime_{};
+  Duration piece_{1};
   int num_pieces_ = 0;
   std::array<std::array<float, 9>, kMaxPieces + 1> knots_{};
 };

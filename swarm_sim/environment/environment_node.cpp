@@ -1,7 +1,6 @@
 #include "swarm_sim/environment/environment_node.h"
 
 #include <algorithm>
-#include <cmath>
 #include <optional>
 
 #include "lcmtypes/bus/channels.h"
@@ -9,7 +8,7 @@
 namespace swarm {
 namespace {
 
-constexpr std::int64_t kGoalPeriod_us = 1'000'000;
+constexpr Duration kGoalPeriod = 1s;
 
 sogm_swarm::obstacle_t to_message(int id, const Shape& shape, const ObstacleState& state, bool moves) {
   sogm_swarm::obstacle_t message{};
@@ -32,8 +31,8 @@ static_assert(static_cast<int>(Shape::Kind::kColumn) == sogm_swarm::obstacle_t::
 EnvironmentNode::EnvironmentNode(Simulation& simulation, std::size_t index, double sensor_rate_hz, std::int32_t boot)
     : simulation_(simulation),
       index_(index),
-      sensor_period_us_(std::llround(1e6 / sensor_rate_hz)),
-      last_tick_us_(simulation.now_us()),
+      sensor_period_(to_duration(1.0 / sensor_rate_hz)),
+      last_tick_(simulation.now()),
       state_headers_(simulation.world().robots[index].id, boot),
       obstacle_headers_(state_headers_),
       goal_headers_(state_headers_) {}
@@ -42,37 +41,36 @@ std::vector<Subscription> EnvironmentNode::subscriptions() const {
   return {{BusId::kOnboard, channel::kSetpoint}, {BusId::kOnboard, channel::kOwnTrajectory}};
 }
 
-void EnvironmentNode::on_message(std::int64_t, BusId, std::string_view channel, std::span<const std::uint8_t> bytes,
-                                 Outbox&) {
+void EnvironmentNode::on_message(Utime, BusId, std::string_view channel, std::span<const std::uint8_t> bytes, Outbox&) {
   Vehicle& vehicle = simulation_.vehicle(index_);
   if (channel == channel::kSetpoint) vehicle.on_setpoint(bytes);
   if (channel == channel::kOwnTrajectory) vehicle.on_own_trajectory(bytes);
 }
 
-std::int64_t EnvironmentNode::step(std::int64_t now_us, Outbox& outbox) {
-  const std::int64_t until_us = now_us - kLatency_us;
-  simulation_.advance(until_us);
-  const std::int64_t wake_us = until_us - until_us % Simulation::kTick_us + Simulation::kTick_us + kLatency_us;
-  const std::int64_t tick_us = simulation_.now_us();
-  if (tick_us == last_tick_us_) return wake_us;
-  last_tick_us_ = tick_us;
-  const std::int64_t own_time = vehicle().own_time(tick_us);
-  const double t_s = simulation_.t_s(tick_us);
+Utime EnvironmentNode::step(Utime now, Outbox& outbox) {
+  const Utime until = now - kLatency;
+  simulation_.advance(until);
+  const Utime wake = Simulation::tick_at(until) + Simulation::kTick + kLatency;
+  const Utime tick = simulation_.now();
+  if (tick == last_tick_) return wake;
+  last_tick_ = tick;
+  const Utime own_time = vehicle().own_time(tick);
+  const double t_s = simulation_.t_s(tick);
   // Sensors of different robots are not synchronised.
-  const std::int64_t phase = tick_us + static_cast<std::int64_t>(index_) * Simulation::kTick_us;
-  if (phase / sensor_period_us_ != last_detection_) {
-    last_detection_ = phase / sensor_period_us_;
+  const Utime phase = tick + static_cast<std::int64_t>(index_) * Simulation::kTick;
+  if (phase >= detection_.due_on_grid(phase, sensor_period_)) {
+    detection_.done(phase);
     outbox.publish(BusId::kOnboard, channel::kObstacles, obstacles(own_time, t_s));
   }
   outbox.publish(BusId::kOnboard, channel::kRobotState, state(own_time));
-  if (t_s >= 0.0 && tick_us >= next_goal_us_) {
-    next_goal_us_ = tick_us + kGoalPeriod_us;
+  if (t_s >= 0.0 && tick >= goal_.due(tick, kGoalPeriod)) {
+    goal_.done(tick);
     outbox.publish(BusId::kOnboard, channel::kGoal, goal(own_time));
   }
-  return wake_us;
+  return wake;
 }
 
-sogm_swarm::robot_state_t EnvironmentNode::state(std::int64_t own_time) {
+sogm_swarm::robot_state_t EnvironmentNode::state(Utime own_time) {
   sogm_swarm::robot_state_t message{};
   message.header = state_headers_.next(own_time);
   Eigen::Map<Eigen::Vector3d>(message.position) = vehicle().state().position;
@@ -81,7 +79,7 @@ sogm_swarm::robot_state_t EnvironmentNode::state(std::int64_t own_time) {
   return message;
 }
 
-sogm_swarm::obstacles_t EnvironmentNode::obstacles(std::int64_t own_time, double t_s) {
+sogm_swarm::obstacles_t EnvironmentNode::obstacles(Utime own_time, double t_s) {
   sogm_swarm::obstacles_t message{};
   message.header = obstacle_headers_.next(own_time);
   const World& world = simulation_.world();
@@ -96,7 +94,7 @@ sogm_swarm::obstacles_t EnvironmentNode::obstacles(std::int64_t own_time, double
   return message;
 }
 
-sogm_swarm::goal_t EnvironmentNode::goal(std::int64_t own_time) {
+sogm_swarm::goal_t EnvironmentNode::goal(Utime own_time) {
   sogm_swarm::goal_t message{};
   message.header = goal_headers_.next(own_time);
   Eigen::Map<Eigen::Vector3d>(message.position) = simulation_.world().robots[index_].goal;

@@ -7,6 +7,7 @@
 
 #include "lcmtypes/bus/header_source.h"
 #include "lcmtypes/bus/node.h"
+#include "lcmtypes/bus/recurring.h"
 #include "swarm_sim/environment/simulation.h"
 
 namespace swarm {
@@ -14,7 +15,7 @@ namespace swarm {
 class EnvironmentNode : public Node {
  public:
   // So long after a tick it takes place: setpoints of that very moment need a while to arrive.
-  static constexpr std::int64_t kLatency_us = 2'000;
+  static constexpr Duration kLatency = 2ms;
 
   // Of robot `index` in the world's order; obstacles are detected at `sensor_rate_hz` > 0. `simulation` is shared by
   // all robots and must outlive the node. The node's clock is the simulation's; what it sends carries the robot's.
@@ -22,22 +23,23 @@ class EnvironmentNode : public Node {
   EnvironmentNode(Simulation& simulation, std::size_t index, double sensor_rate_hz, std::int32_t boot = 0);
 
   std::vector<Subscription> subscriptions() const override;
-  void on_message(std::int64_t now_us, BusId bus, std::string_view channel, std::span<const std::uint8_t> bytes,
+  void on_message(Utime now, BusId bus, std::string_view channel, std::span<const std::uint8_t> bytes,
                   Outbox& outbox) override;
-  std::int64_t step(std::int64_t now_us, Outbox& outbox) override;
+  Utime step(Utime now, Outbox& outbox) override;
 
  private:
   const Vehicle& vehicle() const { return simulation_.vehicles()[index_]; }
   // What the robot knows as of the newest tick: itself, the obstacles within its sensing radius, its goal. Before the
   // start the obstacles stand where they will be at 0.
-  sogm_swarm::robot_state_t state(std::int64_t own_time);
-  sogm_swarm::obstacles_t obstacles(std::int64_t own_time, double t_s);
-  sogm_swarm::goal_t goal(std::int64_t own_time);
+  sogm_swarm::robot_state_t state(Utime own_time);
+  sogm_swarm::obstacles_t obstacles(Utime own_time, double t_s);
+  sogm_swarm::goal_t goal(Utime own_time);
 
   Simulation& simulation_;
   std::size_t index_;
-  std::int64_t sensor_period_us_;
-  std::int64_t last_tick_us_, last_detection_ = -1, next_goal_us_ = 0;
+  Duration sensor_period_;
+  Utime last_tick_;
+  Recurring detection_, goal_;
   HeaderSource state_headers_, obstacle_headers_, goal_headers_;
 };
 

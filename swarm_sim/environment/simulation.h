@@ -6,11 +6,11 @@
 // told of each tick.
 #pragma once
 
-#include <cstdint>
 #include <functional>
 #include <optional>
 #include <vector>
 
+#include "lcmtypes/bus/time.h"
 #include "swarm_sim/environment/judge.h"
 #include "swarm_sim/environment/vehicle.h"
 #include "swarm_sim/world/world.h"
@@ -24,14 +24,16 @@ struct SimulationOptions {
 
 class Simulation {
  public:
-  static constexpr std::int64_t kTick_us = 10'000;  // ticks are at its multiples since the epoch
+  static constexpr Duration kTick = 10ms;  // ticks are at its multiples since the epoch
+  // The newest one at `utime`.
+  static Utime tick_at(Utime utime) { return utime - utime.time_since_epoch() % kTick; }
 
   // Called after each tick of the flight with the world time [s].
   using TickObserver = std::function<void(double t_s, const Simulation&)>;
 
   // `world` and `static_map` must outlive the simulation; `static_map` and `on_tick` may be null. The first tick is the
-  // first one after `utime` [us since epoch, not of a robot's clock, as all times here].
-  Simulation(const World& world, const OccupiedCubes* static_map, const SimulationOptions& options, std::int64_t utime,
+  // first one after `utime`, which is not of a robot's clock, as all times here.
+  Simulation(const World& world, const OccupiedCubes* static_map, const SimulationOptions& options, Utime utime,
              TickObserver on_tick);
 
   const World& world() const { return world_; }
@@ -42,15 +44,15 @@ class Simulation {
 
   // World time 0. Until then vehicles follow their setpoints, but obstacles stand and nothing is judged. Throws
   // std::invalid_argument unless it is a tick to come.
-  void start(std::int64_t utime);
-  bool started() const { return start_us_.has_value(); }
+  void start(Utime utime);
+  bool started() const { return start_.has_value(); }
   // World time [s]; negative before the start.
-  double t_s(std::int64_t utime) const { return start_us_ ? 1e-6 * static_cast<double>(utime - *start_us_) : -1.0; }
+  double t_s(Utime utime) const { return start_ ? to_seconds(utime - *start_) : -1.0; }
 
   // Moves on, tick by tick, to the last one that is not after `utime`, unless somebody has done so; no further than the
   // end of the flight.
-  void advance(std::int64_t utime);
-  std::int64_t now_us() const { return now_us_; }  // newest tick
+  void advance(Utime utime);
+  Utime now() const { return now_; }  // newest tick
 
  private:
   void tick();
@@ -58,8 +60,8 @@ class Simulation {
   const World& world_;
   Judge judge_;
   TickObserver on_tick_;
-  std::int64_t now_us_;
-  std::optional<std::int64_t> start_us_;
+  Utime now_;
+  std::optional<Utime> start_;
   std::vector<Vehicle> vehicles_;
   std::vector<MotionState> states_;  // of the vehicles, as the judge takes them
 };

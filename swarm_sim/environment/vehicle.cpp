@@ -1,38 +1,40 @@
 #include "swarm_sim/environment/vehicle.h"
 
+#include "lcmtypes/bus/receive.h"
+
 namespace swarm {
 namespace {
 
-constexpr std::int64_t kSetpointTimeout_us = 50'000;
+constexpr Duration kSetpointTimeout = 50ms;
 
 }  // namespace
 
-Vehicle::Vehicle(int robot_id, const Eigen::Vector3d& start, std::int64_t clock_offset_us)
-    : id_(robot_id), clock_offset_us_(clock_offset_us) {
+Vehicle::Vehicle(int robot_id, const Eigen::Vector3d& start, Duration clock_offset)
+    : id_(robot_id), clock_offset_(clock_offset) {
   state_.position = start;
 }
 
 void Vehicle::on_setpoint(std::span<const std::uint8_t> bytes) {
   sogm_swarm::setpoint_t setpoint;
-  if (decode(bytes, &setpoint) != Refusal::kNone || setpoint.header.robot_id != id_) return;
-  if (setpoint_ && setpoint.header.utime <= setpoint_->header.utime) return;
-  setpoint_ = setpoint;
+  const auto newer = [this](const sogm_swarm::setpoint_t& message) {
+    return setpoint_ && message.header.utime <= setpoint_->header.utime ? Refusal::kSequence : Refusal::kNone;
+  };
+  if (receive(bytes, FromRobot{id_}, {}, newer, &setpoint) == Refusal::kNone) setpoint_ = setpoint;
 }
 
 void Vehicle::on_own_trajectory(std::span<const std::uint8_t> bytes) {
   sogm_swarm::announcement_t message;
-  if (decode(bytes, &message) != Refusal::kNone || message.header.robot_id != id_) return;
-  motion_ = motion_of(message);
+  if (receive(bytes, FromRobot{id_}, {}, AnyOrder{}, &message) == Refusal::kNone) motion_ = motion_of(message);
 }
 
-void Vehicle::move_to(std::int64_t utime) {
+void Vehicle::move_to(Utime utime) {
   if (!setpoint_) return;
-  const std::int64_t age_us = own_time(utime) - setpoint_->header.utime;
-  if (age_us > kSetpointTimeout_us && motion_) {
+  const Duration age = own_time(utime) - to_utime(setpoint_->header.utime);
+  if (age > kSetpointTimeout && motion_) {
     state_ = motion_->at(own_time(utime));
     return;
   }
-  const double dt = 1e-6 * static_cast<double>(age_us);
+  const double dt = to_seconds(age);
   const Eigen::Vector3d p(setpoint_->position), v(setpoint_->velocity);
   const Eigen::Vector3d a(setpoint_->acceleration), j(setpoint_->jerk);
   state_.position = p + dt * (v + dt / 2 * (a + dt / 3 * j));

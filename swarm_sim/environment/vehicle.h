@@ -13,7 +13,7 @@ namespace swarm {
 class Vehicle {
  public:
   // At rest at `start`, W [m]; its clock is so much ahead of the world's.
-  Vehicle(int robot_id, const Eigen::Vector3d& start, std::int64_t clock_offset_us);
+  Vehicle(int robot_id, const Eigen::Vector3d& start, Duration clock_offset);
 
   // A setpoint message; anything else, or another robot's, is ignored.
   void on_setpoint(std::span<const std::uint8_t> bytes);
@@ -21,16 +21,16 @@ class Vehicle {
   void on_own_trajectory(std::span<const std::uint8_t> bytes);
 
   // Moves on to `utime` of the world: the newest setpoint, carried on. Stays where it is before the first one.
-  void move_to(std::int64_t utime);
+  void move_to(Utime utime);
 
   const MotionState& state() const { return state_; }
   double yaw_rad() const { return yaw_rad_; }
   // Of the robot's clock at `utime` of the world.
-  std::int64_t own_time(std::int64_t utime) const { return utime + clock_offset_us_; }
+  Utime own_time(Utime utime) const { return utime + clock_offset_; }
 
  private:
   int id_;
-  std::int64_t clock_offset_us_;
+  Duration clock_offset_;
   MotionState state_;
   double yaw_rad_ = 0.0;
   std::optional<sogm_swarm::setpoint_t> setpoint_;

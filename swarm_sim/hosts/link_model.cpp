@@ -1,7 +1,6 @@
 #include "swarm_sim/hosts/link_model.h"
 
 #include <algorithm>
-#include <cmath>
 
 #include "lcmtypes/bus/option_set.h"
 #include "lcmtypes/bus/text.h"
@@ -45,16 +44,16 @@ bool LinkModel::out(int robot_id, double t_s) const {
   });
 }
 
-std::span<const std::int64_t> LinkModel::deliveries(int from_id, int to_id, double t_s) {
-  delays_us_.clear();
+std::span<const Duration> LinkModel::deliveries(int from_id, int to_id, double t_s) {
+  delays_.clear();
   if (out(from_id, t_s) || out(to_id, t_s) || uniform() < options_.loss) return {};
   const int copies = uniform() < options_.duplicate ? 2 : 1;
   for (int copy = 0; copy < copies; ++copy) {
     double delay_ms = std::max(0.0, options_.delay_ms + options_.jitter_ms * (2.0 * uniform() - 1.0));
     if (uniform() < options_.reorder) delay_ms += LinkOptions::kHeldBack_ms * uniform();
-    delays_us_.push_back(static_cast<std::int64_t>(1e3 * delay_ms));
+    delays_.emplace_back(static_cast<std::int64_t>(1e3 * delay_ms));
   }
-  return delays_us_;
+  return delays_;
 }
 
 }  // namespace swarm

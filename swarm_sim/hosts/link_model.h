@@ -7,6 +7,8 @@
 #include <string>
 #include <vector>
 
+#include "lcmtypes/bus/time.h"
+
 namespace swarm {
 
 // A robot neither sends nor receives in [from_s, to_s) of world time.
@@ -39,9 +41,9 @@ class LinkModel {
   // The same seed and calls give the same answers.
   LinkModel(const LinkOptions& options, std::uint64_t seed);
 
-  // Delays [us] after which the copies of a datagram arrive that one robot sends to another at world time `t_s`; none:
+  // Delays after which the copies of a datagram arrive that one robot sends to another at world time `t_s`; none:
   // it is lost. Valid until the next call.
-  std::span<const std::int64_t> deliveries(int from_id, int to_id, double t_s);
+  std::span<const Duration> deliveries(int from_id, int to_id, double t_s);
 
  private:
   double uniform();  // [0, 1)
@@ -49,7 +51,7 @@ class LinkModel {
 
   LinkOptions options_;
   std::mt19937_64 random_;
-  std::vector<std::int64_t> delays_us_;
+  std::vector<Duration> delays_;
 };
 
 }  // namespace swarm

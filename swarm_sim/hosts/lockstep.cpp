@@ -2,11 +2,11 @@
 
 #include <array>
 #include <chrono>
-#include <cmath>
 #include <deque>
 #include <memory>
 #include <optional>
 
+#include "lcmtypes/bus/node_clock.h"
 #include "swarm_sim/environment/environment_node.h"
 #include "swarm_sim/hosts/lockstep_host.h"
 #include "swarm_sim/results/bus_recorder.h"
@@ -15,16 +15,7 @@
 namespace swarm {
 namespace {
 
-constexpr std::int64_t kEpoch_us = 1'000'000'000'000'000;  // simulated time of world time 0
-
-std::int64_t steady_ns() {
-  return std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::steady_clock::now().time_since_epoch())
-      .count();
-}
-
-std::int64_t utime_of(double t_s) {
-  return kEpoch_us + std::llround(1e6 * t_s);
-}
+constexpr Utime kEpoch = Utime(1'000'000'000s);  // simulated time of world time 0
 
 // What the nodes of one robot have done, over all their lives.
 struct RobotWork {
@@ -74,14 +65,14 @@ class Daemon : public Node {
   Daemon& operator=(const Daemon&) = delete;
 
   std::vector<Subscription> subscriptions() const override { return node_.subscriptions(); }
-  void on_message(std::int64_t now_us, BusId bus, std::string_view channel, std::span<const std::uint8_t> bytes,
+  void on_message(Utime now, BusId bus, std::string_view channel, std::span<const std::uint8_t> bytes,
                   Outbox& outbox) override {
-    node_.on_message(now_us, bus, channel, bytes, outbox);
+    node_.on_message(now, bus, channel, bytes, outbox);
   }
-  std::int64_t step(std::int64_t now_us, Outbox& outbox) override {
-    const std::int64_t wake_us = node_.step(now_us, outbox);
+  Utime step(Utime now, Outbox& outbox) override {
+    const Utime wake = node_.step(now, outbox);
     work_.note_step(node_, &done_);
-    return wake_us;
+    return wake;
   }
 
  private:
@@ -95,13 +86,13 @@ class Daemon : public Node {
 std::array<LockstepHost::NodeFactory, kDaemons.size()> daemons_of(const World& world, const WorldRobot& robot,
                                                                   const FlightOptions& options, PromiseStore& promises,
                                                                   RobotWork& work) {
-  return {[&, config = map_config(world, robot, options), boot = 0](std::int64_t) mutable {
-            return std::make_unique<Daemon<MapNode>>(work, config, ++boot, steady_ns, false);
+  return {[&, config = map_config(world, robot, options), boot = 0]() mutable {
+            return std::make_unique<Daemon<MapNode>>(work, config, ++boot, &stopwatch, false);
           },
-          [&, config = planner_config(world, robot, options), boot = 0](std::int64_t) mutable {
-            return std::make_unique<Daemon<PlannerNode>>(work, config, ++boot, steady_ns, false);
+          [&, config = planner_config(world, robot, options), boot = 0]() mutable {
+            return std::make_unique<Daemon<PlannerNode>>(work, config, ++boot, &stopwatch, false);
           },
-          [&, config = broadcast_config(world, robot, options), boot = 0](std::int64_t) mutable {
+          [&, config = broadcast_config(world, robot, options), boot = 0]() mutable {
             return std::make_unique<Daemon<BroadcastNode>>(work, config, promises, ++boot);
           }};
 }
@@ -115,7 +106,7 @@ RunReport report_of(const World& world, const Simulation& simulation, const std:
     map_ms.insert(map_ms.end(), robot.map_ms.begin(), robot.map_ms.end());
   }
   RunReport report =
-      make_report(world.name, "lockstep", simulation.judge(), simulation.t_s(simulation.now_us()), wall_s, planning);
+      make_report(world.name, "lockstep", simulation.judge(), simulation.t_s(simulation.now()), wall_s, planning);
   report.mapping = timing_stats(std::move(map_ms));
   for (std::size_t r = 0; r < work.size(); ++r) {
     RobotReport robot = work[r].counts;
@@ -131,45 +122,48 @@ RunReport report_of(const World& world, const Simulation& simulation, const std:
 RunReport run_lockstep(const World& world, const OccupiedCubes* static_map, const FlightOptions& options,
                        const LockstepDelays& delays, BusLog* logs, TraceWriter* trace,
                        const ProgressCallback& progress) {
-  const std::int64_t began_ns = steady_ns();
+  const std::chrono::nanoseconds began = stopwatch();
   check_robots(world, options);
-  const std::vector<std::int64_t> clocks_us = clock_offsets_us(options.clock_offset_ms, world);
-  const std::array<std::int64_t, kDaemons.size()> work_us = {delays.map_us, delays.plan_us, 0};
+  const std::vector<Duration> clocks = clock_offsets(options.clock_offset_ms, world);
+  const std::array<Duration, kDaemons.size()> work_times = {delays.map, delays.plan, 0us};
   std::deque<MemoryPromiseStore> promises(world.robots.size());
   std::vector<RobotWork> work(world.robots.size());
   LinkModel link(options.link, seed_of(world.name));
   BusRecorder recorder(logs);
-  std::optional<LockstepHost> host(kEpoch_us);
-  Simulation simulation(world, static_map, {options.time_limit_s, options.clock_offset_ms},
-                        kEpoch_us - Simulation::kTick_us, follow_flight(trace, progress, [&host] { host->stop(); }));
-  simulation.start(kEpoch_us);
+  std::optional<LockstepHost> host(kEpoch);
+  Simulation simulation(world, static_map, {options.time_limit_s, options.clock_offset_ms}, kEpoch - Simulation::kTick,
+                        follow_flight(trace, progress, [&host] { host->stop(); }));
+  simulation.start(kEpoch);
 
-  host->listen([&](std::int64_t now_us, BusId bus, int robot_id, std::string_view channel,
-                   std::span<const std::uint8_t> bytes) { recorder.hear(now_us, bus, robot_id, channel, bytes); });
-  host->add_bus("swarm", delays.swarm_us, [&](int from_robot, int to_robot, std::int64_t now_us) {
-    return link.deliveries(from_robot, to_robot, simulation.t_s(now_us));
+  host->listen([&](Utime now, BusId bus, int robot_id, std::string_view channel, std::span<const std::uint8_t> bytes) {
+    recorder.hear(now, bus, robot_id, channel, bytes);
+  });
+  host->add_bus("swarm", delays.swarm, [&](int from_robot, int to_robot, Utime now) {
+    return link.deliveries(from_robot, to_robot, simulation.t_s(now));
   });
   const auto onboard = [](const WorldRobot& robot) { return "robot " + std::to_string(robot.id); };
   for (std::size_t r = 0; r < world.robots.size(); ++r) {
     const WorldRobot& robot = world.robots[r];
-    host->add_bus(onboard(robot), delays.onboard_us);
+    host->add_bus(onboard(robot), delays.onboard);
     const auto daemons = daemons_of(world, robot, options, promises[r], work[r]);
     for (std::size_t d = 0; d < daemons.size(); ++d)
-      host->add({robot.id, onboard(robot), "swarm", work_us[d], clocks_us[r]}, daemons[d]);
+      host->add({robot.id, onboard(robot), "swarm", work_times[d], clocks[r]}, daemons[d]);
   }
   for (std::size_t r = 0; r < world.robots.size(); ++r) {
-    host->add({world.robots[r].id, onboard(world.robots[r]), ""}, [&simulation, &options, r](std::int64_t) {
+    host->add({world.robots[r].id, onboard(world.robots[r]), ""}, [&simulation, &options, r] {
       return std::make_unique<EnvironmentNode>(simulation, r, options.sensor_rate_hz);
     });
   }
   for (const Kill& kill : options.kills) {
     const std::size_t robot = index_of_robot(world, kill.robot_id, "kill");
-    host->crash(kDaemons.size() * robot + kill.daemon, utime_of(kill.at_s), utime_of(kill.back_s));
+    host->crash(kDaemons.size() * robot + kill.daemon, kEpoch + to_duration(kill.at_s),
+                kEpoch + to_duration(kill.back_s));
   }
   host->run();
   host.reset();  // the nodes say what they have counted
 
-  RunReport report = report_of(world, simulation, work, 1e-9 * static_cast<double>(steady_ns() - began_ns));
+  const std::chrono::duration<double> wall = stopwatch() - began;
+  RunReport report = report_of(world, simulation, work, wall.count());
   recorder.finish(options.clock_offset_ms, &report);
   return report;
 }

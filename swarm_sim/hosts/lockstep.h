@@ -2,8 +2,7 @@
 // and simulated buses. The same world and options give the same bytes on the buses.
 #pragma once
 
-#include <cstdint>
-
+#include "lcmtypes/bus/time.h"
 #include "swarm_sim/environment/simulation.h"
 #include "swarm_sim/hosts/flight_options.h"
 #include "swarm_sim/hosts/flight_progress.h"
@@ -16,10 +15,10 @@ namespace swarm {
 
 // How long things take in the simulated machine.
 struct LockstepDelays {
-  std::int64_t onboard_us = 1'000;  // message on an onboard bus
-  std::int64_t swarm_us = 2'000;    // message between robots
-  std::int64_t map_us = 5'000;      // what a map daemon says, on top: it builds a SOGM first
-  std::int64_t plan_us = 5'000;     // what a planner daemon says, on top: it plans first
+  Duration onboard = 1ms;  // message on an onboard bus
+  Duration swarm = 2ms;    // message between robots
+  Duration map = 5ms;      // what a map daemon says, on top: it builds a SOGM first
+  Duration plan = 5ms;     // what a planner daemon says, on top: it plans first
 };
 
 // Flies `world` to its end. `logs` and `trace` may be null. Throws OptionError where the options name a robot that the

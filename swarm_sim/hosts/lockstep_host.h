@@ -22,36 +22,36 @@ namespace swarm {
 class LockstepHost {
  public:
   // Makes a node, at the start and after each crash; the node before it is gone by then.
-  using NodeFactory = std::function<std::unique_ptr<Node>(std::int64_t now_us)>;
-  // How much later than over a perfect bus [us] the copies of a message arrive that one robot sends to another at
-  // `now_us`; none: it is lost. Valid until the next call.
-  using Link = std::function<std::span<const std::int64_t>(int from_robot, int to_robot, std::int64_t now_us)>;
+  using NodeFactory = std::function<std::unique_ptr<Node>()>;
+  // How much later than over a perfect bus the copies of a message arrive that one robot sends to another at `now`;
+  // none: it is lost. Valid until the next call.
+  using Link = std::function<std::span<const Duration>(int from_robot, int to_robot, Utime now)>;
   // Everything that is sent, when it is sent, by which robot.
-  using Listener = std::function<void(std::int64_t now_us, BusId bus, int robot_id, std::string_view channel,
+  using Listener = std::function<void(Utime now, BusId bus, int robot_id, std::string_view channel,
                                       std::span<const std::uint8_t> bytes)>;
 
   // Where a node sits.
   struct Seat {
     int robot_id = 0;
     std::string onboard = "", swarm = "";  // names of its buses; empty: it has none
-    std::int64_t work_us = 0;              // that its messages take longer, for what it has to do first
-    std::int64_t clock_offset_us = 0;      // its clock is ahead of the simulated one
+    Duration work{};                       // that its messages take longer, for what it has to do first
+    Duration clock_offset{};               // its clock is ahead of the simulated one
   };
 
-  // The simulated clock begins at `now_us` [us since epoch].
-  explicit LockstepHost(std::int64_t now_us);
+  // The simulated clock begins at `begin`.
+  explicit LockstepHost(Utime begin);
   ~LockstepHost();
   LockstepHost(const LockstepHost&) = delete;
   LockstepHost& operator=(const LockstepHost&) = delete;
 
-  // A bus on which messages take `delay_us`; `link` (may be null) is asked for those between different robots.
-  void add_bus(const std::string& name, std::int64_t delay_us, Link link = nullptr);
+  // A bus on which messages take `delay`; `link` (may be null) is asked for those between different robots.
+  void add_bus(const std::string& name, Duration delay, Link link = nullptr);
   // Makes a node and puts it on its buses. Seats are numbered from 0 in the order in which they are added. Throws
   // std::out_of_range when it subscribes to a bus that there is not.
   std::size_t add(const Seat& seat, NodeFactory make_node);
-  // The node of a seat crashes at `at_us` and is made again at `back_us` of the simulated clock; what reaches it
-  // meanwhile is lost.
-  void crash(std::size_t seat, std::int64_t at_us, std::int64_t back_us);
+  // The node of a seat crashes at `at` and is made again at `back` of the simulated clock; what reaches it meanwhile is
+  // lost.
+  void crash(std::size_t seat, Utime at, Utime back);
   void listen(Listener listener) { listener_ = std::move(listener); }
 
   // Until stop(). Throws std::out_of_range when a node sends to a bus that it has not.
@@ -59,19 +59,19 @@ class LockstepHost {
   // Ends run() after all events of the present moment.
   void stop() { stopped_ = true; }
 
-  std::int64_t now_us() const { return now_us_; }
+  Utime now() const { return now_; }
 
  private:
   class Place;
   struct Bus {
-    std::int64_t delay_us = 0;
+    Duration delay{};
     Link link;
     std::map<std::string, std::vector<std::size_t>, std::less<>> places;  // that listen, by channel
   };
   using Bytes = std::shared_ptr<const std::vector<std::uint8_t>>;
   enum class What : std::uint8_t { kMessage, kWake, kCrash, kRestart };
   struct Event {
-    std::int64_t time_us;
+    Utime time;
     std::size_t order;  // the place, or behind all of them
     std::int64_t sequence;
     std::size_t place;
@@ -83,11 +83,11 @@ class LockstepHost {
     bool operator>(const Event& other) const;
   };
 
-  void push(std::int64_t time_us, std::size_t place, What what);
+  void push(Utime time, std::size_t place, What what);
   void send(const Place& from, BusId bus, std::string_view channel, std::span<const std::uint8_t> bytes);
   void handle(const Event& event);
 
-  std::int64_t now_us_;
+  Utime now_;
   bool stopped_ = false;
   std::int64_t sequence_ = 0;
   std::map<std::string, Bus> buses_;

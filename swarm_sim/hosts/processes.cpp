@@ -13,6 +13,7 @@
 #include "lcmtypes/bus/channels.h"
 #include "lcmtypes/bus/lcm_bus.h"
 #include "lcmtypes/bus/realtime_host.h"
+#include "lcmtypes/bus/temporary_directory.h"
 #include "swarm_sim/environment/environment_node.h"
 #include "swarm_sim/hosts/relay.h"
 #include "swarm_sim/hosts/robot_watch.h"
@@ -23,40 +24,18 @@
 namespace swarm {
 namespace {
 
-using namespace std::chrono_literals;
-
-constexpr std::int64_t kReadyTimeout_us = 20'000'000;
-
-// Removes itself and what it holds.
-class TemporaryDirectory {
- public:
-  TemporaryDirectory() {
-    std::string pattern = (std::filesystem::temp_directory_path() / "swarm_sim.XXXXXX").string();
-    if (::mkdtemp(pattern.data()) == nullptr) throw std::runtime_error(pattern + ": cannot be made");
-    path_ = pattern;
-  }
-  ~TemporaryDirectory() {
-    std::error_code ignored;
-    std::filesystem::remove_all(path_, ignored);
-  }
-  TemporaryDirectory(const TemporaryDirectory&) = delete;
-  TemporaryDirectory& operator=(const TemporaryDirectory&) = delete;
-  const std::filesystem::path& path() const { return path_; }
-
- private:
-  std::filesystem::path path_;
-};
+constexpr Duration kReadyTimeout = 20s;
 
 // A daemon's config file: what its --print-config would print.
 template <class Config>
-void write_config(Config config, std::int64_t clock_offset_us, const std::string& onboard_url,
-                  const std::string* swarm_url, const std::filesystem::path& file) {
+void write_config(Config config, Duration clock_offset, const std::string& onboard_url, const std::string* swarm_url,
+                  const std::filesystem::path& file) {
   OptionSet options("", "");
   declare(options, config);
   std::ostringstream text;
   const char* arguments[] = {"", "--print-config"};
   (void)options.parse(2, arguments, text);
-  text << "clock-offset-ms = " << 1e-3 * static_cast<double>(clock_offset_us) << '\n';
+  text << "clock-offset-ms = " << to_ms(clock_offset) << '\n';
   text << "onboard-url = " << onboard_url << '\n';
   if (swarm_url != nullptr) text << "swarm-url = " << *swarm_url << '\n';
   write_file(file, text.str());
@@ -117,16 +96,15 @@ struct DaemonDirectories {
 
 // A robot's daemons in the order of kDaemons, with their config files written.
 std::vector<DaemonProgram> daemons_of(const World& world, const WorldRobot& robot, const FlightOptions& options,
-                                      const RobotPlace& place, std::int64_t clock_us,
-                                      const DaemonDirectories& directories) {
+                                      const RobotPlace& place, Duration clock, const DaemonDirectories& directories) {
   const auto file = [&](const std::string& daemon, const char* ending) {
     return directories.out / ("robot" + std::to_string(robot.id) + "-" + daemon + ending);
   };
-  write_config(map_config(world, robot, options), clock_us, place.onboard_url, nullptr, file("map", ".cfg"));
-  write_config(planner_config(world, robot, options), clock_us, place.onboard_url, nullptr, file("planner", ".cfg"));
+  write_config(map_config(world, robot, options), clock, place.onboard_url, nullptr, file("map", ".cfg"));
+  write_config(planner_config(world, robot, options), clock, place.onboard_url, nullptr, file("planner", ".cfg"));
   BroadcastConfig broadcast = broadcast_config(world, robot, options);
   broadcast.state_dir = directories.promises.string();
-  write_config(broadcast, clock_us, place.onboard_url, &place.swarm_url, file("broadcast", ".cfg"));
+  write_config(broadcast, clock, place.onboard_url, &place.swarm_url, file("broadcast", ".cfg"));
   std::vector<DaemonProgram> daemons;
   for (const char* daemon : kDaemons) {
     const std::string program = std::string(daemon) + "_daemon";
@@ -151,7 +129,7 @@ class Overseer {
         robots_(robots),
         crashing_(std::move(crashing)),
         timer_(host.io()),
-        give_up_us_(wall_utime() + kReadyTimeout_us) {
+        give_up_(wall_utime() + kReadyTimeout) {
     look();
   }
 
@@ -162,7 +140,7 @@ class Overseer {
   void look() {
     failure_ = children_.find_ended();
     if (simulation_.started()) {
-      for (Supervised& daemon : crashing_) daemon.follow(simulation_.t_s(simulation_.now_us()), children_);
+      for (Supervised& daemon : crashing_) daemon.follow(simulation_.t_s(simulation_.now()), children_);
     } else if (!failure_) {
       start_when_ready();
     }
@@ -180,10 +158,10 @@ class Overseer {
       if (!missing.empty()) missing = "robot " + std::to_string(simulation_.world().robots[i].id) + "'s " + missing;
     }
     if (missing.empty()) {
-      simulation_.start(simulation_.now_us() + 2 * Simulation::kTick_us);
+      simulation_.start(simulation_.now() + 2 * Simulation::kTick);
       for (RobotWatch& robot : robots_) robot.mark_start();
-    } else if (wall_utime() > give_up_us_) {
-      failure_ = missing + " within " + std::to_string(kReadyTimeout_us / 1'000'000) + " s";
+    } else if (wall_utime() > give_up_) {
+      failure_ = missing + " within " + std::to_string(kReadyTimeout / 1s) + " s";
     }
   }
 
@@ -193,7 +171,7 @@ class Overseer {
   std::deque<RobotWatch>& robots_;
   std::vector<Supervised> crashing_;
   boost::asio::steady_timer timer_;
-  std::int64_t give_up_us_;
+  Utime give_up_;
   std::optional<std::string> failure_;
 };
 
@@ -202,7 +180,7 @@ RunReport report_of(const World& world, const Simulation& simulation, const std:
   std::vector<PlanningSamples> planning;
   for (const RobotWatch& robot : robots) planning.push_back(robot.step_ms());
   RunReport report =
-      make_report(world.name, "processes", simulation.judge(), simulation.t_s(simulation.now_us()), wall_s, planning);
+      make_report(world.name, "processes", simulation.judge(), simulation.t_s(simulation.now()), wall_s, planning);
   for (std::size_t i = 0; i < robots.size(); ++i) {
     RobotReport robot = robots[i].counts();
     robot.verdict = simulation.judge().robots()[i];
@@ -219,7 +197,7 @@ RunReport run_processes(const World& world, const OccupiedCubes* static_map, con
                         const ProcessOptions& processes, BusLog* logs, TraceWriter* trace,
                         const ProgressCallback& progress) {
   const auto began = std::chrono::steady_clock::now();
-  const TemporaryDirectory temporary;
+  const TemporaryDirectory temporary("swarm_sim");
   const DaemonDirectories directories = {
       processes.programs.empty() ? std::filesystem::read_symlink("/proc/self/exe").parent_path() : processes.programs,
       processes.out.empty() ? temporary.path() : processes.out, temporary.path()};
@@ -235,10 +213,10 @@ RunReport run_processes(const World& world, const OccupiedCubes* static_map, con
   RealtimeHost host;
   Simulation simulation(world, static_map, {options.time_limit_s, options.clock_offset_ms}, wall_utime(),
                         follow_flight(trace, progress, [&host] { host.stop(); }));
-  Relay relay(options.link, seed_of(world.name), [&](std::int64_t utime) { return simulation.t_s(utime); });
+  Relay relay(options.link, seed_of(world.name), [&](Utime utime) { return simulation.t_s(utime); });
   BusRecorder recorder(logs);
   const std::vector<RobotPlace> places = places_of(world, processes, relayed);
-  const std::vector<std::int64_t> clocks_us = clock_offsets_us(options.clock_offset_ms, world);
+  const std::vector<Duration> clocks = clock_offsets(options.clock_offset_ms, world);
   const std::int32_t boot = new_boot();
   std::deque<EnvironmentNode> environments;
   std::deque<RobotWatch> watches;
@@ -255,7 +233,7 @@ RunReport run_processes(const World& world, const OccupiedCubes* static_map, con
              place.onboard_url, "");
     if (relayed) host.add("relay of " + name, relay.add_robot(robot.id), "", place.swarm_url);
     if (!processes.start_daemons) continue;
-    for (DaemonProgram& daemon : daemons_of(world, robot, options, place, clocks_us[i], directories)) {
+    for (DaemonProgram& daemon : daemons_of(world, robot, options, place, clocks[i], directories)) {
       std::filesystem::remove(daemon.log);  // of an earlier flight
       daemon.start(children);
       daemons.push_back(std::move(daemon));

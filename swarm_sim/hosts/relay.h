@@ -16,7 +16,7 @@ namespace swarm {
 class Relay {
  public:
   // `world_time` [s] says when outages are.
-  Relay(const LinkOptions& options, std::uint64_t seed, std::function<double(std::int64_t utime)> world_time);
+  Relay(const LinkOptions& options, std::uint64_t seed, std::function<double(Utime utime)> world_time);
   ~Relay();
 
   // What sits on the swarm bus of one robot. Lives as long as the relay.
@@ -25,18 +25,17 @@ class Relay {
  private:
   class Port;
   struct Datagram {
-    std::int64_t due_us, number;
+    Utime due;
+    std::int64_t number;
     std::string channel;
     std::shared_ptr<const std::vector<std::uint8_t>> bytes;
-    bool operator>(const Datagram& other) const {
-      return std::pair(due_us, number) > std::pair(other.due_us, other.number);
-    }
+    bool operator>(const Datagram& other) const { return std::pair(due, number) > std::pair(other.due, other.number); }
   };
   // To everybody else.
-  void send(std::int64_t now_us, int from_id, std::string_view channel, std::span<const std::uint8_t> bytes);
+  void send(Utime now, int from_id, std::string_view channel, std::span<const std::uint8_t> bytes);
 
   LinkModel link_;
-  std::function<double(std::int64_t)> world_time_;
+  std::function<double(Utime)> world_time_;
   std::vector<std::unique_ptr<Port>> ports_;
   std::int64_t next_number_ = 0;
 };

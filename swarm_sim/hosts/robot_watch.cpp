@@ -1,17 +1,18 @@
 #include "swarm_sim/hosts/robot_watch.h"
 
 #include "lcmtypes/bus/channels.h"
+#include "lcmtypes/bus/receive.h"
 
 namespace swarm {
 namespace {
 
-constexpr std::int64_t kPeriod_us = 1'000'000;  // nothing is due by itself
+constexpr Duration kPeriod = 1s;  // nothing is due by itself
 
 // False: it is no such message of this robot.
 template <class Message>
 bool read(std::span<const std::uint8_t> bytes, int robot_id, Message* message) {
   Message newest{};
-  if (decode(bytes, &newest) != Refusal::kNone || newest.header.robot_id != robot_id) return false;
+  if (receive(bytes, FromRobot{robot_id}, {}, AnyOrder{}, &newest) != Refusal::kNone) return false;
   *message = newest;
   return true;
 }
@@ -28,19 +29,19 @@ std::vector<Subscription> RobotWatch::subscriptions() const {
   return all;
 }
 
-void RobotWatch::on_message(std::int64_t now_us, BusId bus, std::string_view channel,
-                            std::span<const std::uint8_t> bytes, Outbox&) {
+void RobotWatch::on_message(Utime now, BusId bus, std::string_view channel, std::span<const std::uint8_t> bytes,
+                            Outbox&) {
   sogm_swarm::announcement_t own;
   if (bus == BusId::kSwarm && share_ == SwarmShare::kOwn && !read(bytes, id_, &own)) return;
-  recorder_.hear(now_us, bus, id_, channel, bytes);
+  recorder_.hear(now, bus, id_, channel, bytes);
   if (bus == BusId::kSwarm) return;
   if (channel == channel::kMapStatus) (void)read(bytes, id_, &map_);
   if (channel == channel::kBroadcastStatus) (void)read(bytes, id_, &broadcast_);
   if (channel == channel::kPlannerStatus) note_plan(bytes);
 }
 
-std::int64_t RobotWatch::step(std::int64_t now_us, Outbox&) {
-  return now_us + kPeriod_us;
+Utime RobotWatch::step(Utime now, Outbox&) {
+  return now + kPeriod;
 }
 
 void RobotWatch::note_plan(std::span<const std::uint8_t> bytes) {

@@ -20,9 +20,9 @@ class RobotWatch : public Node {
   RobotWatch(int robot_id, SwarmShare share, BusRecorder& recorder);
 
   std::vector<Subscription> subscriptions() const override;
-  void on_message(std::int64_t now_us, BusId bus, std::string_view channel, std::span<const std::uint8_t> bytes,
+  void on_message(Utime now, BusId bus, std::string_view channel, std::span<const std::uint8_t> bytes,
                   Outbox& outbox) override;
-  std::int64_t step(std::int64_t now_us, Outbox& outbox) override;
+  Utime step(Utime now, Outbox& outbox) override;
 
   // What keeps the robot from flying, in words; empty: nothing.
   std::string missing() const;

@@ -4,9 +4,9 @@
 
 namespace swarm {
 
-void BusRecorder::hear(std::int64_t now_us, BusId bus, int robot_id, std::string_view channel,
+void BusRecorder::hear(Utime now, BusId bus, int robot_id, std::string_view channel,
                        std::span<const std::uint8_t> bytes) {
-  if (log_ != nullptr) log_->write(bus, robot_id, now_us, channel, bytes);
+  if (log_ != nullptr) log_->write(bus, robot_id, now, channel, bytes);
   auto count = channels_.find(channel);
   if (count == channels_.end()) count = channels_.try_emplace(std::string(channel)).first;
   ++count->second.messages;

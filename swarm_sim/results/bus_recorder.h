@@ -16,8 +16,7 @@ class BusRecorder {
   explicit BusRecorder(BusLog* log) : log_(log) {}
 
   // One message, once for all who hear it. `robot_id`: of the sender.
-  void hear(std::int64_t now_us, BusId bus, int robot_id, std::string_view channel,
-            std::span<const std::uint8_t> bytes);
+  void hear(Utime now, BusId bus, int robot_id, std::string_view channel, std::span<const std::uint8_t> bytes);
 
   // Adds counts and audit to the report. `clock_offset_ms`: as in FlightOptions.
   void finish(double clock_offset_ms, RunReport* report);

@@ -12,7 +12,7 @@
 namespace swarm {
 namespace {
 
-constexpr std::int64_t kLately_us = 5'000'000;  // so long a forced motion excuses that it meets others
+constexpr Duration kLately = 5s;  // so long a forced motion excuses that it meets others
 
 }  // namespace
 
@@ -21,15 +21,15 @@ bool CommitAudit::Announcement::differs(const Announcement& other) const {
          std::tuple(other.header.boot, other.radius_m, other.motion.seq());
 }
 
-void CommitAudit::Announcement::set_back(std::int64_t clock_offset_us) {
-  header.utime -= clock_offset_us;
-  motion.committed.shift(-clock_offset_us);
-  motion.next.shift(-clock_offset_us);
+void CommitAudit::Announcement::set_back(Duration clock_offset) {
+  header.utime -= clock_offset.count();
+  motion.committed.shift(-clock_offset);
+  motion.next.shift(-clock_offset);
 }
 
-bool CommitAudit::Announcement::is_forced(std::int64_t utime) const {
+bool CommitAudit::Announcement::is_forced(Utime utime) const {
   return std::ranges::any_of(std::array{&motion.committed, &motion.next}, [&](const Trajectory* trajectory) {
-    return !trajectory->empty() && trajectory->seq() == forced_seq && utime < trajectory->start_utime() + kLately_us;
+    return !trajectory->empty() && trajectory->seq() == forced_seq && utime < trajectory->start_utime() + kLately;
   });
 }
 
@@ -43,10 +43,10 @@ bool CommitAudit::read(std::span<const std::uint8_t> bytes, Announcement* announ
   return true;
 }
 
-void CommitAudit::hear(std::span<const std::uint8_t> bytes, std::int64_t clock_offset_us) {
+void CommitAudit::hear(std::span<const std::uint8_t> bytes, Duration clock_offset) {
   Announcement announcement;
   if (!read(bytes, &announcement)) return;
-  announcement.set_back(clock_offset_us);
+  announcement.set_back(clock_offset);
   hear(announcement);
 }
 
@@ -59,7 +59,7 @@ void CommitAudit::hear(const Announcement& announcement) {
   robot.newest = announcement;
   if (!is_new) return;
   ++motions_;
-  const std::int64_t utime = announcement.header.utime;
+  const Utime utime = to_utime(announcement.header.utime);
   for (const auto& [other_id, other] : robots_) {
     if (other_id == id) continue;
     const Announcement& theirs = other.newest;
@@ -79,7 +79,7 @@ void CommitAudit::collect(std::span<const std::uint8_t> bytes) {
 }
 
 void CommitAudit::finish(double clock_offset_ms) {
-  const std::vector<std::int64_t> offsets = clock_offsets_us(clock_offset_ms, newest_.size());
+  const std::vector<Duration> offsets = clock_offsets(clock_offset_ms, newest_.size());
   for (Announcement& announcement : collected_) {
     const auto place = std::distance(newest_.begin(), newest_.find(announcement.header.robot_id));
     announcement.set_back(offsets[static_cast<std::size_t>(place)]);

@@ -15,7 +15,7 @@ namespace swarm {
 
 // Two robots' committed motions that meet, first seen when one of them was announced.
 struct CommitConflict {
-  std::int64_t utime = 0;
+  Utime utime{};
   int robot = 0, other = 0;             // ids
   std::int32_t seq = 0, other_seq = 0;  // of the newest trajectory each is bound to
   bool forced = false;                  // one of them was: see commit_protocol.h
@@ -25,7 +25,7 @@ class CommitAudit {
  public:
   // An announcement as it was sent, by a robot whose clock is ahead of the world's; in the order of sending. Anything
   // else is ignored.
-  void hear(std::span<const std::uint8_t> bytes, std::int64_t clock_offset_us = 0);
+  void hear(std::span<const std::uint8_t> bytes, Duration clock_offset = {});
   // The same in any order; finish() then hears them in the order of their header times, which is that of cause and
   // effect where none of what a robot sent is missing. `clock_offset_ms`: as in FlightOptions, of the robots heard.
   void collect(std::span<const std::uint8_t> bytes);
@@ -43,9 +43,9 @@ class CommitAudit {
     Motion motion;
     std::int32_t forced_seq = 0;  // newest that was committed without everybody's word
 
-    void set_back(std::int64_t clock_offset_us);  // to the world's time
+    void set_back(Duration clock_offset);  // to the world's time
     // Bound to one that was forced lately.
-    bool is_forced(std::int64_t utime) const;
+    bool is_forced(Utime utime) const;
     // Says something else than `other`: not only that time has gone on.
     bool differs(const Announcement& other) const;
   };

@@ -56,11 +56,11 @@ BusLog::BusLog(const std::filesystem::path& directory, const std::vector<int>& r
   for (const int id : robot_ids) logs_.try_emplace(id, directory / ("robot" + std::to_string(id) + ".lcm"));
 }
 
-void BusLog::write(BusId bus, int robot_id, std::int64_t utime, std::string_view channel,
+void BusLog::write(BusId bus, int robot_id, Utime utime, std::string_view channel,
                    std::span<const std::uint8_t> bytes) {
   Log& log = logs_.at(bus == BusId::kSwarm ? kSwarmBus : robot_id);
   lcm::LogEvent event{};
-  event.timestamp = utime;
+  event.timestamp = to_us(utime);
   event.channel = channel;
   event.datalen = static_cast<std::int32_t>(bytes.size());
   event.data = const_cast<std::uint8_t*>(bytes.data());  // only read

@@ -41,8 +41,7 @@ class BusLog {
   // `directory` must exist.
   BusLog(const std::filesystem::path& directory, const std::vector<int>& robot_ids);
   // One message; `robot_id` says whose onboard bus it was on and does not matter on the swarm bus.
-  void write(BusId bus, int robot_id, std::int64_t utime, std::string_view channel,
-             std::span<const std::uint8_t> bytes);
+  void write(BusId bus, int robot_id, Utime utime, std::string_view channel, std::span<const std::uint8_t> bytes);
   void close();
 
  private:

@@ -1,7 +1,6 @@
 #include "tests/bench/bench_growth.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <fstream>
@@ -13,14 +12,14 @@
 #include "swarm_sim/results/report.h"
 #include "tests/support/random_map.h"
 #include "tests/support/random_motion.h"
+#include "tests/support/start_time.h"
 
 namespace swarm {
 namespace {
 
 using Eigen::Vector3d;
 
-constexpr std::int64_t kStart = 1'700'000'000'000'000;
-constexpr std::int64_t kFrame_us = 100'000;
+constexpr Duration kFrame = 100ms;
 constexpr int kRequests = 40, kRounds = 5;
 const Vector3d kWindow_m(10, 10, 4);
 
@@ -44,33 +43,33 @@ PlanRequest request_among(const Sogm& sogm, const std::vector<Peer>& peers, Rng&
   start.velocity = 1.2 * to_goal;
   MotionState rest;
   rest.position = start.position + 0.6 * to_goal;
-  Trajectory own(1, kStart, 1'000'000, 1);
+  Trajectory own(1, kStart, 1s, 1);
   own.set_knot(0, start);
   own.set_knot(1, rest);
-  return {&sogm, {own, {}}, kStart + 50'000, start.position + 8.0 * to_goal, &peers};
+  return {&sogm, {own, {}}, kStart + 50ms, start.position + 8.0 * to_goal, &peers};
 }
 
 TimingStats time_plans(const Work& work) {
   Rng rng(1);
   PlannerConfig config;
   config.search.num_pieces = std::min(10, static_cast<int>(std::lround(work.horizon_s / 0.2)));
-  config.search.piece_us = static_cast<std::int32_t>(std::lround(1e6 * work.horizon_s / config.search.num_pieces));
+  config.search.piece = to_duration(work.horizon_s / config.search.num_pieces);
   config.limits.space_min.z() = -1.8;
   config.limits.space_max.z() = 1.8;
   Planner planner(config);
-  const int frames = static_cast<int>(std::lround(1e6 * work.horizon_s / static_cast<double>(kFrame_us)));
+  const int frames = static_cast<int>(std::lround(work.horizon_s / to_seconds(kFrame)));
   std::vector<double> samples_ms;
   for (int i = 0; i < kRequests; ++i) {
-    const Sogm sogm = random_map(rng, work.obstacles, kWindow_m, frames, kStart, kFrame_us, work.resolution_m);
+    const Sogm sogm = random_map(rng, work.obstacles, kWindow_m, frames, kStart, kFrame, work.resolution_m);
     std::vector<Peer> peers;
     while (static_cast<int>(peers.size()) < work.peers)
-      peers.push_back({random_motion(rng, kStart - 500'000, 5.0), Trajectory(), 0.2});
+      peers.push_back({random_motion(rng, kStart - 500ms, 5.0), Trajectory(), 0.2});
     const PlanRequest request = request_among(sogm, peers, rng);
     for (int round = 0; round < kRounds; ++round) {
-      const auto begin = std::chrono::steady_clock::now();
+      const auto begun = stopwatch();
       (void)planner.plan(request);
-      const std::chrono::duration<double, std::milli> taken = std::chrono::steady_clock::now() - begin;
-      if (round > 0) samples_ms.push_back(taken.count());
+      const auto taken = stopwatch() - begun;
+      if (round > 0) samples_ms.push_back(to_ms(taken));
     }
   }
   return timing_stats(std::move(samples_ms));

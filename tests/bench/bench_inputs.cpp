@@ -51,22 +51,23 @@ int robot_in(const fs::path& path) {
 // A planner hears the log. on_event(event) before each message, on_plan(node, utime) after each plan.
 void play(const fs::path& path, const PlannerNodeConfig& config,
           const std::function<void(const lcm::LogEvent&)>& on_event,
-          const std::function<void(const PlannerNode&, std::int64_t)>& on_plan) {
+          const std::function<void(const PlannerNode&, Utime)>& on_plan) {
   PlannerNode node(config, 1, nullptr);
   NoOutbox outbox;
   const auto log = opened(path, "r");
-  std::int64_t wake_us = 0;
+  Utime wake{};
   int plans = 0;
-  const auto step = [&](std::int64_t now_us) {
-    wake_us = node.step(now_us, outbox);
-    if (node.plans() != plans) on_plan(node, now_us);
+  const auto step = [&](Utime now) {
+    wake = node.step(now, outbox);
+    if (node.plans() != plans) on_plan(node, now);
     plans = node.plans();
   };
   while (const lcm::LogEvent* event = log->readNextEvent()) {
-    while (wake_us > 0 && wake_us < event->timestamp) step(wake_us);
+    const Utime recorded = to_utime(event->timestamp);
+    while (wake > Utime() && wake < recorded) step(wake);
     on_event(*event);
-    node.on_message(event->timestamp, BusId::kOnboard, event->channel, bytes_of(*event), outbox);
-    step(event->timestamp);
+    node.on_message(recorded, BusId::kOnboard, event->channel, bytes_of(*event), outbox);
+    step(recorded);
   }
 }
 
@@ -107,10 +108,10 @@ class Heard {
       newest_[{event.channel, 0}] = test::Bytes(bytes.begin(), bytes.end());
     }
   }
-  void write(std::int64_t utime, lcm::LogFile* log) const {
+  void write(Utime utime, lcm::LogFile* log) const {
     const auto add = [&](const std::string& channel, const test::Bytes& bytes) {
       lcm::LogEvent event{};
-      event.timestamp = utime;
+      event.timestamp = to_us(utime);
       event.channel = channel;
       event.datalen = static_cast<std::int32_t>(bytes.size());
       event.data = const_cast<std::uint8_t*>(bytes.data());  // only read
@@ -132,7 +133,7 @@ std::vector<int> plans_in(const fs::path& log, const PlannerNodeConfig& config,
   std::vector<int> plans;
   play(
       log, config, [](const auto&) {},
-      [&](const PlannerNode& node, std::int64_t) {
+      [&](const PlannerNode& node, Utime) {
         if (wanted(node)) plans.push_back(node.plans());
       });
   return plans;
@@ -145,7 +146,7 @@ void keep(const fs::path& in, const PlannerNodeConfig& config, const std::vector
     Heard heard;
     play(
         in, config, [&](const lcm::LogEvent& event) { heard.hear(event); },
-        [&](const PlannerNode& node, std::int64_t utime) {
+        [&](const PlannerNode& node, Utime utime) {
           if (std::binary_search(plans.begin(), plans.end(), node.plans())) heard.write(utime, log.get());
         });
   }
@@ -179,7 +180,7 @@ RecordedRequests read_requests(const fs::path& log, PlannerNodeConfig config, st
   if (plans.empty()) throw std::runtime_error(log.string() + ": nothing was planned with what it holds");
   play(
       log, config, [](const auto&) {},
-      [&](const PlannerNode& node, std::int64_t) {
+      [&](const PlannerNode& node, Utime) {
         if (std::binary_search(plans.begin(), plans.end(), node.plans()))
           requests.inputs.push_back(copy_of(node.newest_request()));
       });
@@ -197,7 +198,7 @@ void record_requests(const fs::path& directory) {
     const World world = trial.world();
     std::vector<int> ids;
     for (const WorldRobot& robot : world.robots) ids.push_back(robot.id);
-    const test::TemporaryDirectory flown;
+    const TemporaryDirectory flown;
     BusLog logs(flown.path(), ids);
     (void)run_lockstep(world, nullptr, {}, {}, &logs, nullptr, nullptr);
     logs.close();

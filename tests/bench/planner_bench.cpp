@@ -3,8 +3,6 @@
 #include <benchmark/benchmark.h>
 
 #include <algorithm>
-#include <chrono>
-#include <cmath>
 #include <cstdio>
 #include <cstring>
 #include <functional>
@@ -32,21 +30,15 @@ constexpr std::size_t kMostRequests = 64;  // of a log
 constexpr double kFullVolumeGap = 0.01;    // of FIRI's ellipsoids: as good as the largest
 constexpr int kVolumePoints = 2000;
 
-double now_us() {
-  return 1e-3 * static_cast<double>(std::chrono::duration_cast<std::chrono::nanoseconds>(
-                                        std::chrono::steady_clock::now().time_since_epoch())
-                                        .count());
-}
-
 double quantile(const std::vector<double>& sorted, double q) {
   return sorted[static_cast<std::size_t>(q * static_cast<double>(sorted.size() - 1) + 0.5)];
 }
 
 template <class Call>
 double timed_us(const Call& call) {
-  const double begin = now_us();
+  const auto begun = stopwatch();
   call();
-  return now_us() - begin;
+  return 1e3 * to_ms(stopwatch() - begun);
 }
 
 // A step of the pipeline, called once per input and round: prepares what it needs, then returns what to count [us];
@@ -164,7 +156,7 @@ class Bench {
  public:
   explicit Bench(const RecordedRequests& requests)
       : requests_(requests),
-        planner_(requests.config, [] { return static_cast<std::int64_t>(1e3 * now_us()); }),
+        planner_(requests.config, &stopwatch),
         search_(usable(requests.config), requests.config.search),
         corridors_(requests.config.limits.space_min, requests.config.limits.space_max, requests.config.corridor),
         full_corridors_(requests.config.limits.space_min, requests.config.limits.space_max,
@@ -188,13 +180,13 @@ class Bench {
       us->push_back(timed_us([&] { planner_.build_heuristics(input.request); }));
     });
     add("corridor, per piece", [this](const PlanInput& input, auto* us) {
-      for_each_piece(input, [&](const ControlPoints& piece, std::int64_t from) {
+      for_each_piece(input, [&](const ControlPoints& piece, Utime from) {
         us->push_back(timed_us([&] { (void)build(&corridors_, piece, from, &polytope_); }));
       });
     });
     // How much of what two full iterations would give each piece lacks, by random points in a box around both.
     add("corridor lacks of full volume [%]", [this](const PlanInput& input, auto* lack) {
-      for_each_piece(input, [&](const ControlPoints& piece, std::int64_t from) {
+      for_each_piece(input, [&](const ControlPoints& piece, Utime from) {
         Polytope full;
         if (build(&corridors_, piece, from, &polytope_) != FiriStatus::kGrown ||
             build(&full_corridors_, piece, from, &full) != FiriStatus::kGrown)
@@ -217,7 +209,7 @@ class Bench {
       const auto pieces = planner_.spline_problem().corridors.size();
       auto& solver = solvers_[pieces];
       if (!solver)
-        solver = std::make_unique<SplineQp>(5, std::vector<double>(pieces, 1e-6 * requests_.config.search.piece_us));
+        solver = std::make_unique<SplineQp>(5, std::vector<double>(pieces, to_seconds(requests_.config.search.piece)));
       us->push_back(timed_us([&] { (void)solver->solve(planner_.spline_problem(), &solution_); }));
     });
     add("dilate 0.3 m, whole", [this](const PlanInput& input, auto* us) {
@@ -255,15 +247,15 @@ class Bench {
   void for_each_piece(const PlanInput& input, const Visit& visit) {
     planner_.plan(input.request);
     const SearchResult& path = planner_.path();
-    const std::int32_t piece_us = requests_.config.search.piece_us;
+    const Duration piece = requests_.config.search.piece;
     for (std::size_t k = 0; k < static_cast<std::size_t>(path.num_pieces); ++k) {
-      visit(quintic_control_points(path.knots[k], path.knots[k + 1], 1e-6 * piece_us),
-            input.request.start_utime + static_cast<std::int64_t>(k) * piece_us);
+      visit(quintic_control_points(path.knots[k], path.knots[k + 1], to_seconds(piece)),
+            input.request.start_utime + static_cast<int>(k) * piece);
     }
   }
-  FiriStatus build(CorridorBuilder* corridors, const ControlPoints& piece, std::int64_t from, Polytope* polytope) {
+  FiriStatus build(CorridorBuilder* corridors, const ControlPoints& piece, Utime from, Polytope* polytope) {
     return corridors->build(piece, planner_.occupancy(), requests_.config.space.blocked_m(), from,
-                            from + requests_.config.search.piece_us, polytope);
+                            from + requests_.config.search.piece, polytope);
   }
   static CorridorOptions full(CorridorOptions options) {
     options.log_volume_gap = kFullVolumeGap;

@@ -14,6 +14,7 @@
 
 #include "lcmtypes/bus/crc32.h"
 #include "tests/support/random_messages.h"
+#include "tests/support/start_time.h"
 
 namespace swarm {
 namespace {
@@ -279,13 +280,12 @@ TEST(Codec, SizesOnTheSwarmBusFitOneFrame) {
 }
 
 TEST(CheckTime, HoldsAtItsBoundsAndForAnyTime) {
-  constexpr std::int64_t now = 1'700'000'000'000'000;
-  EXPECT_EQ(check_time(now - 500, now, 500, 100), Refusal::kNone);
-  EXPECT_EQ(check_time(now - 501, now, 500, 100), Refusal::kTime);
-  EXPECT_EQ(check_time(now + 100, now, 500, 100), Refusal::kNone);
-  EXPECT_EQ(check_time(now + 101, now, 500, 100), Refusal::kTime);
-  EXPECT_EQ(check_time(std::numeric_limits<std::int64_t>::min(), now, 500, 100), Refusal::kTime);
-  EXPECT_EQ(check_time(std::numeric_limits<std::int64_t>::max(), now, 500, 100), Refusal::kTime);
+  EXPECT_EQ(check_time(kStart - 500us, kStart, 500us, 100us), Refusal::kNone);
+  EXPECT_EQ(check_time(kStart - 501us, kStart, 500us, 100us), Refusal::kTime);
+  EXPECT_EQ(check_time(kStart + 100us, kStart, 500us, 100us), Refusal::kNone);
+  EXPECT_EQ(check_time(kStart + 101us, kStart, 500us, 100us), Refusal::kTime);
+  EXPECT_EQ(check_time(Utime::min(), kStart, 500us, 100us), Refusal::kTime);
+  EXPECT_EQ(check_time(Utime::max(), kStart, 500us, 100us), Refusal::kTime);
 }
 
 TEST(SequenceGate, LetsOnlyNewerMessagesPass) {

@@ -6,13 +6,12 @@
 
 #include "lcmtypes/bus/recurring.h"
 #include "tests/support/random_messages.h"
+#include "tests/support/start_time.h"
 
 namespace swarm {
 namespace {
 
 using namespace random_messages;
-
-constexpr std::int64_t kNow_us = 1'700'000'000'000'000;
 
 struct Receiver {
   std::vector<std::string> asked;
@@ -26,35 +25,35 @@ struct Receiver {
     const auto from = [this](const goal_t&) { return asked.emplace_back("from"), from_refuses; };
     const auto order = [this](const goal_t&) { return asked.emplace_back("order"), order_refuses; };
     goal_t goal;
-    return receive(bytes, from, {kNow_us, 1'000'000, 100'000}, order, &goal);
+    return receive(bytes, from, {kStart, 1s, 100ms}, order, &goal);
   }
 };
 
-goal_t goal_of(std::int64_t utime, int robot_id = 3, std::int64_t seq = 7) {
+goal_t goal_of(Utime utime, int robot_id = 3, std::int64_t seq = 7) {
   goal_t goal{};
   goal.header.schema_version = header_t::kSchemaVersion;
   goal.header.robot_id = static_cast<std::int16_t>(robot_id);
   goal.header.seq = seq;
-  goal.header.utime = utime;
+  goal.header.utime = to_us(utime);
   return goal;
 }
 
 TEST(Receive, AsksForTheSenderThenTheTimeThenTheOrder) {
   using Asked = std::vector<std::string>;
   Receiver receiver;
-  EXPECT_EQ(receiver.hear(goal_of(kNow_us)), Refusal::kNone);
+  EXPECT_EQ(receiver.hear(goal_of(kStart)), Refusal::kNone);
   EXPECT_EQ(receiver.asked, (Asked{"from", "order"}));
-  EXPECT_EQ(receiver.hear(goal_of(kNow_us), 1), Refusal::kSize);
+  EXPECT_EQ(receiver.hear(goal_of(kStart), 1), Refusal::kSize);
   EXPECT_EQ(receiver.asked, Asked());
-  EXPECT_EQ(receiver.hear(goal_of(kNow_us + 100'000)), Refusal::kNone);
-  EXPECT_EQ(receiver.hear(goal_of(kNow_us + 100'001)), Refusal::kTime);
+  EXPECT_EQ(receiver.hear(goal_of(kStart + 100ms)), Refusal::kNone);
+  EXPECT_EQ(receiver.hear(goal_of(kStart + 100'001us)), Refusal::kTime);
   EXPECT_EQ(receiver.asked, Asked{"from"});
-  EXPECT_EQ(receiver.hear(goal_of(kNow_us - 1'000'000)), Refusal::kNone);
-  EXPECT_EQ(receiver.hear(goal_of(kNow_us - 1'000'001)), Refusal::kTime);
+  EXPECT_EQ(receiver.hear(goal_of(kStart - 1s)), Refusal::kNone);
+  EXPECT_EQ(receiver.hear(goal_of(kStart - 1'000'001us)), Refusal::kTime);
   receiver.order_refuses = Refusal::kValue;
-  EXPECT_EQ(receiver.hear(goal_of(kNow_us)), Refusal::kValue);
+  EXPECT_EQ(receiver.hear(goal_of(kStart)), Refusal::kValue);
   receiver.from_refuses = Refusal::kLength;
-  EXPECT_EQ(receiver.hear(goal_of(kNow_us - 1'000'001)), Refusal::kLength);
+  EXPECT_EQ(receiver.hear(goal_of(kStart - 1'000'001us)), Refusal::kLength);
   EXPECT_EQ(receiver.asked, Asked{"from"});
 }
 
@@ -66,12 +65,12 @@ TEST(Receive, WhatIsRefusedUsesUpNoNumber) {
     goal_t goal;
     return receive(bytes, FromRobot{3}, window, gate, &goal);
   };
-  const TimeWindow lately{kNow_us, 1'000'000, 100'000};
-  EXPECT_EQ(hear(goal_of(kNow_us, 4), lately), Refusal::kRobot);
-  EXPECT_EQ(hear(goal_of(0), lately), Refusal::kTime);
-  EXPECT_EQ(hear(goal_of(kNow_us), lately), Refusal::kNone);
-  EXPECT_EQ(hear(goal_of(kNow_us), lately), Refusal::kSequence);
-  EXPECT_EQ(hear(goal_of(0, 3, 8), TimeWindow()), Refusal::kNone);  // any time will do
+  const TimeWindow lately{kStart, 1s, 100ms};
+  EXPECT_EQ(hear(goal_of(kStart, 4), lately), Refusal::kRobot);
+  EXPECT_EQ(hear(goal_of(Utime()), lately), Refusal::kTime);
+  EXPECT_EQ(hear(goal_of(kStart), lately), Refusal::kNone);
+  EXPECT_EQ(hear(goal_of(kStart), lately), Refusal::kSequence);
+  EXPECT_EQ(hear(goal_of(Utime(), 3, 8), TimeWindow()), Refusal::kNone);  // any time will do
   EXPECT_EQ(hear(goal_of(kMaxUtime, 3, 9), TimeWindow()), Refusal::kNone);
 }
 
@@ -111,20 +110,20 @@ TEST(Messages, ArraysHaveTheBytesOfTheirElements) {
 
 TEST(Recurring, IsDueAPeriodAfterItWasDone) {
   Recurring recurring;
-  EXPECT_LE(recurring.due_us(kNow_us, 500), kNow_us);
-  recurring.done(kNow_us);
-  EXPECT_EQ(recurring.due_us(kNow_us, 500), kNow_us + 500);
-  EXPECT_EQ(recurring.due_us(kNow_us + 10'000'000, 500), kNow_us + 500);
-  EXPECT_EQ(recurring.due_on_grid_us(kNow_us, 300), kNow_us / 300 * 300 + 300);
+  EXPECT_LE(recurring.due(kStart, 500us), kStart);
+  recurring.done(kStart);
+  EXPECT_EQ(recurring.due(kStart, 500us), kStart + 500us);
+  EXPECT_EQ(recurring.due(kStart + 10s, 500us), kStart + 500us);
+  EXPECT_EQ(recurring.due_on_grid(kStart, 300us), to_utime(to_us(kStart) / 300 * 300 + 300));
 }
 
 TEST(Recurring, NothingWaitsForTheTimeThatWasBefore) {
   Recurring recurring;
-  recurring.done(kNow_us);
-  const std::int64_t back_us = kNow_us - 5'000'000;
-  EXPECT_EQ(recurring.due_us(back_us, 500), back_us + 500);
-  EXPECT_EQ(recurring.due_us(back_us + 400, 500), back_us + 500);
-  EXPECT_LE(recurring.due_on_grid_us(back_us - 1'000'000, 500), back_us - 1'000'000 + 500);
+  recurring.done(kStart);
+  const Utime back = kStart - 5s;
+  EXPECT_EQ(recurring.due(back, 500us), back + 500us);
+  EXPECT_EQ(recurring.due(back + 400us, 500us), back + 500us);
+  EXPECT_LE(recurring.due_on_grid(back - 1s, 500us), back - 1s + 500us);
 }
 
 }  // namespace

@@ -84,13 +84,13 @@ TEST(Validate, Ranges) {
   EXPECT_RANGE(corridors_t, faces[2].piece, 0, 9);
   EXPECT_RANGE(announcement_t, committed.piece_us, 10'000, 10'000'000);
   EXPECT_RANGE(announcement_t, committed.num_pieces, 0, 10);
-  EXPECT_RANGE(announcement_t, committed.start_utime, std::int64_t{0}, kMaxUtime);
+  EXPECT_RANGE(announcement_t, committed.start_utime, std::int64_t{0}, to_us(kMaxUtime));
   EXPECT_RANGE(announcement_t, committed.knots[0][1], -1e5f, 1e5f);
   EXPECT_RANGE(announcement_t, committed.knots[0][4], -100.0f, 100.0f);
   EXPECT_RANGE(announcement_t, committed.knots[0][8], -1000.0f, 1000.0f);
   EXPECT_RANGE(announcement_t, pending_state, 0, 2);
   EXPECT_RANGE(candidate_t, urgent, 0, 1);
-  EXPECT_RANGE(announcement_t, pending_stamp, std::int64_t{0}, kMaxUtime);
+  EXPECT_RANGE(announcement_t, pending_stamp, std::int64_t{0}, to_us(kMaxUtime));
   EXPECT_RANGE(announcement_t, acks[1].verdict, 0, 2);
   EXPECT_RANGE(map_status_t, state, 0, 2);
   EXPECT_RANGE(planner_status_t, state, 0, 4);

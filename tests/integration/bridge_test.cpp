@@ -126,7 +126,7 @@ struct Bridge {
 
   // The broadcast daemon's part.
   void say(const Trajectory& trajectory) {
-    const std::int64_t now = wall_utime();
+    const Utime now = wall_utime();
     const MotionState state = trajectory.at(now);
     sogm_swarm::setpoint_t setpoint{};
     setpoint.header = make_header(kRobot, 1, seq, now);
@@ -157,7 +157,7 @@ Eigen::Vector3d place_of(const mavlink::SetPositionTargetLocalNed& target) {
 }
 double distance_to(const Trajectory& trajectory, const Eigen::Vector3d& place) {
   double least_m = INFINITY;
-  for (std::int64_t t = trajectory.start_utime(); t <= trajectory.end_utime(); t += 1000)
+  for (Utime t = trajectory.start_utime(); t <= trajectory.end_utime(); t += 1ms)
     least_m = std::min(least_m, (trajectory.at(t).position - place).norm());
   return least_m;
 }
@@ -174,7 +174,7 @@ void expect_flight(Bridge& bridge) {
 
   MotionState start;
   start.position = {0, 0, 1};
-  const Trajectory trajectory = quintic_to(start, wall_utime() + 50'000, {1, -0.5, 1.5}, 1.5);
+  const Trajectory trajectory = quintic_to(start, wall_utime() + 50ms, {1, -0.5, 1.5}, 1.5);
   bridge.live(0.6, [&] {
     bridge.say(trajectory);
     return false;
@@ -197,7 +197,7 @@ void expect_flight(Bridge& bridge) {
   const sogm_swarm::robot_state_t& state = bridge.states.back();
   EXPECT_EQ(state.header.robot_id, kRobot);
   EXPECT_LT((Eigen::Vector3d(state.position) - Eigen::Vector3d(1, -0.5, 1.5)).norm(), 1e-6);
-  EXPECT_NEAR(1e-6 * static_cast<double>(wall_utime() - state.header.utime), 0.0, 0.2);
+  EXPECT_NEAR(to_seconds(wall_utime() - to_utime(state.header.utime)), 0.0, 0.2);
   EXPECT_EQ(bridge.autopilot.parser().skipped(mavlink::Skipped::kChecksum), 0);
   bridge.program.signal(SIGTERM);
   EXPECT_EQ(bridge.program.wait(3.0), 0) << bridge.program.err();
@@ -238,13 +238,13 @@ TEST(BridgeProgram, OutlivesTheBroadcastDaemon) {
   });
   ASSERT_TRUE(bridge.live(10.0, [&] { return motion && bridge.autopilot.targets.size() > 20; }))
       << bridge.program.err() << daemon.err();
-  const std::int64_t start_us = wall_utime() + 300'000;
-  const Trajectory flight = quintic_to(motion->at(start_us), start_us, {0.8, 0.4, 0.6}, 2.0);
+  const Utime begin = wall_utime() + 300ms;
+  const Trajectory flight = quintic_to(motion->at(begin), begin, {0.8, 0.4, 0.6}, 2.0);
   sogm_swarm::candidate_t candidate{};
   candidate.header = make_header(kRobot, 1, 0, wall_utime());
   candidate.trajectory = flight.to_wire();
   ASSERT_TRUE(bridge.bus.publish(channel::kCandidate, encoded(candidate)));
-  ASSERT_TRUE(bridge.live(10.0, [&] { return wall_utime() > start_us + 800'000; }));
+  ASSERT_TRUE(bridge.live(10.0, [&] { return wall_utime() > begin + 800ms; }));
   EXPECT_GT(place_of(bridge.autopilot.targets.back()).x(), 0.1) << daemon.err();
   EXPECT_LT(place_of(bridge.autopilot.targets.back()).x(), 0.6);
   daemon.signal(SIGKILL);
@@ -310,7 +310,8 @@ TEST(BridgeProgram, DropsTheOldestWhenTheDeviceIsSlow) {
     bridge.say(hover);
     return bridge.autopilot.targets.size() > 20;
   })) << bridge.program.err();
-  const std::int64_t before_us = wall_utime(), before_ms = bridge.autopilot.targets.back().time_boot_ms;
+  const Utime before = wall_utime();
+  const std::int64_t before_ms = bridge.autopilot.targets.back().time_boot_ms;
   wait_for(4.0, [&] {  // nobody reads
     bridge.say(hover);
     return false;
@@ -325,7 +326,7 @@ TEST(BridgeProgram, DropsTheOldestWhenTheDeviceIsSlow) {
     ASSERT_GE(targets[i].time_boot_ms, targets[i - 1].time_boot_ms);
     longest_ms = std::max<std::int64_t>(longest_ms, targets[i].time_boot_ms - targets[i - 1].time_boot_ms);
   }
-  const std::int64_t behind_ms = (wall_utime() - before_us) / 1000 - (targets.back().time_boot_ms - before_ms);
+  const std::int64_t behind_ms = (wall_utime() - before) / 1ms - (targets.back().time_boot_ms - before_ms);
   EXPECT_GT(longest_ms, 500) << targets.size();
   EXPECT_LT(behind_ms, kSanitized ? 500 : 150);
   EXPECT_EQ(bridge.autopilot.parser().skipped(mavlink::Skipped::kChecksum), 0);

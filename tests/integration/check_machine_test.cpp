@@ -103,8 +103,8 @@ TEST_F(CheckMachine, TellsOtherVersionsAndClocksByTheirRobot) {
     for (std::int64_t seq = 1; !done; ++seq) {
       for (int robot = 1; robot <= 3; ++robot) {
         sogm_swarm::announcement_t message{};
-        const std::int64_t ahead_us = robot == 3 ? 80'000 : 0;
-        message.header = make_header(robot, 1, seq, wall_utime() + ahead_us);
+        const Duration ahead = robot == 3 ? 80ms : 0ms;
+        message.header = make_header(robot, 1, seq, wall_utime() + ahead);
         message.radius = 0.2f;
         message.committed = Trajectory::hover(1, wall_utime(), {0, 0, 1}).to_wire();
         message.least_delay_us = sogm_swarm::announcement_t::kUnknown;
@@ -112,7 +112,7 @@ TEST_F(CheckMachine, TellsOtherVersionsAndClocksByTheirRobot) {
         if (robot == 2) bytes[3] ^= 1;  // another fingerprint
         EXPECT_TRUE(bus.publish(channel::kTrajectory, bytes));
       }
-      std::this_thread::sleep_for(std::chrono::milliseconds(20));
+      std::this_thread::sleep_for(20ms);
     }
   });
   const Finished finished = check();

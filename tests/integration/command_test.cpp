@@ -355,7 +355,7 @@ void expect_garbage_is_counted(const char* daemon, const char* status_channel, c
       EXPECT_TRUE(bus.publish(channel, bytes));
       ++sent;
     }
-    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    std::this_thread::sleep_for(20ms);
   };
   for (const std::string& channel : onboard_channels) send_garbage(running.onboard, channel);
   for (const std::string& channel : swarm_channels) send_garbage(running.swarm, channel);

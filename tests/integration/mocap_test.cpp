@@ -41,9 +41,9 @@ TEST(MocapProgram, PublishesStateAndObstacles) {
     boost::system::error_code ignored;
     socket.send_to(boost::asio::buffer(text), input, 0, ignored);
   };
-  const double begin_s = 1e-6 * static_cast<double>(wall_utime());
+  const Utime begin = wall_utime();
   EXPECT_TRUE(wait_for(15.0, [&] {
-    const double t_s = 1e-6 * static_cast<double>(wall_utime()) - begin_s;
+    const double t_s = to_seconds(wall_utime() - begin);
     const std::string t = std::to_string(t_s);
     say(R"({"t": )" + t + R"(, "bodies": [{"name": "drone", "position": [)" + t +
         R"(, 2, 1], "quaternion": [1, 0, 0, 0]}, )" +

@@ -11,8 +11,6 @@
 namespace swarm::test {
 namespace {
 
-using namespace std::chrono_literals;
-
 // Namespaces PREFIX0, PREFIX1, ... and a hub with the bridge; gone with this object.
 class Network {
  public:
@@ -70,13 +68,14 @@ class Network {
 // Between two announcements of peers in an onboard log.
 double longest_silence_s(const std::string& path) {
   LcmLog log(path);
-  std::int64_t before = 0, longest_us = 0;
+  std::optional<Utime> before;
+  Duration longest{};
   for (LogEvent event; log.next(&event);) {
     if (event.channel != channel::kPeerTrajectory) continue;
-    if (before != 0) longest_us = std::max(longest_us, event.utime - before);
+    if (before) longest = std::max(longest, event.utime - *before);
     before = event.utime;
   }
-  return 1e-6 * static_cast<double>(longest_us);
+  return to_seconds(longest);
 }
 
 TEST(Netns, RobotsOnComputersOfTheirOwnFlyOverLossyInterfaces) {

@@ -66,12 +66,12 @@ std::string onboard_url(int robot) {
 
 // A robot that hovers, by its state and its announcement.
 void publish(LcmBus& bus, int robot, const Eigen::Vector3d& position, std::int64_t seq) {
-  const std::int64_t now_us = wall_utime();
-  EXPECT_TRUE(bus.publish(channel::kRobotState, encoded(state_at(robot, position, seq, now_us))));
+  const Utime now = wall_utime();
+  EXPECT_TRUE(bus.publish(channel::kRobotState, encoded(state_at(robot, position, seq, now))));
   sogm_swarm::announcement_t announcement{};
-  announcement.header = make_header(robot, 1, seq, now_us);
+  announcement.header = make_header(robot, 1, seq, now);
   announcement.radius = 0.25f;
-  announcement.committed = Trajectory::hover(1, now_us, position).to_wire();
+  announcement.committed = Trajectory::hover(1, now, position).to_wire();
   announcement.least_delay_us = sogm_swarm::announcement_t::kUnknown;
   EXPECT_TRUE(bus.publish(channel::kOwnTrajectory, encoded(announcement)));
 }
@@ -206,14 +206,14 @@ TEST(View, SaysThatAReplayedLogNeedsItsOwnTime) {
     LcmBus bus(onboard_url(0));
     std::int64_t seq = 0;
     const auto frame = watcher.until([&](const ViewFrame& seen) {
-      const std::int64_t utime = kStart_us + 33'000 * ++seq;
+      const Utime utime = kStart + ++seq * 33ms;
       EXPECT_TRUE(bus.publish(channel::kRobotState, encoded(state_at(0, {1, 0, 1}, seq, utime))));
       return seq > 30 && seen.text["messages"] > 10;
     });
     ASSERT_TRUE(frame);
     EXPECT_EQ(frame->text.contains("warning"), !replay) << frame->text.value("warning", "");
     if (replay) {
-      EXPECT_NEAR(1e-6 * (frame->text["utime"].get<double>() - static_cast<double>(kStart_us)), 1.0, 3.0 * kPatience);
+      EXPECT_NEAR(to_seconds(to_utime(frame->text["utime"].get<std::int64_t>()) - kStart), 1.0, 3.0 * kPatience);
     }
   }
 }
@@ -374,7 +374,7 @@ TEST(View, BrowserShowsWhatTheBusSays) {
                               }))
           << robot << " after " << said.size() << " states";
     }
-    std::this_thread::sleep_for(std::chrono::milliseconds(100));
+    std::this_thread::sleep_for(100ms);
   }
   const WebJson shown = browser.evaluate("shown()");
   EXPECT_EQ(shown["cards"].size(), 2u);

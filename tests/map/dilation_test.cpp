@@ -14,7 +14,7 @@ namespace {
 
 // The definition, with the radius given in tenths of a voxel so that the comparison is exact.
 void brute_force(const Sogm& in, int radius_tenths, Sogm* out) {
-  out->reset(in.geometry, in.num_frames, in.start_utime, in.frame_duration_us);
+  out->reset(in.geometry, in.num_frames, in.start_utime, in.frame_duration);
   const Eigen::Vector3i size = in.geometry.size;
   const int reach = radius_tenths / 10;
   for (int f = 0; f < in.num_frames; ++f) {
@@ -56,7 +56,7 @@ TEST(Dilation, EqualsBruteForce) {
               << radius_tenths << "/10 voxels";
           EXPECT_EQ(out.geometry, in.geometry);
           EXPECT_EQ(out.start_utime, in.start_utime);
-          EXPECT_EQ(out.frame_duration_us, in.frame_duration_us);
+          EXPECT_EQ(out.frame_duration, in.frame_duration);
         }
       }
     }
@@ -65,7 +65,7 @@ TEST(Dilation, EqualsBruteForce) {
 
 TEST(Dilation, RadiusOnTheLatticeIsInclusive) {
   Sogm in, out;
-  in.reset({.resolution_m = 0.1, .origin = {0, 0, 0}, .size = {9, 9, 9}}, 1, 0, 1);
+  in.reset({.resolution_m = 0.1, .origin = {0, 0, 0}, .size = {9, 9, 9}}, 1, Utime(), 1us);
   in.column(0, 4, 4)[0] = 1u << 4;
   dilate(in, 0.3, &out);  // 0.3 / 0.1 < 3 in floating point
   EXPECT_TRUE(out.occupied(0, {1, 4, 4}));
@@ -77,7 +77,7 @@ TEST(Dilation, RadiusOnTheLatticeIsInclusive) {
 
 TEST(Dilation, RadiusLargerThanTheWindowFillsIt) {
   Sogm in, out;
-  in.reset({.resolution_m = 0.1, .origin = {0, 0, 0}, .size = {5, 4, 70}}, 1, 0, 1);
+  in.reset({.resolution_m = 0.1, .origin = {0, 0, 0}, .size = {5, 4, 70}}, 1, Utime(), 1us);
   in.column(0, 0, 0)[0] = 1;
   dilate(in, 1e6, &out);
   for (int x = 0; x < 5; ++x) {
@@ -108,7 +108,7 @@ TEST(Dilation, BoxesAndSamplesOfSeveralLayersEqualTheWhole) {
     SCOPED_TRACE(testing::Message() << "trial " << trial << ", size " << size.transpose() << ", " << radius_m << " m");
     std::vector<Layer> layers;
     Sogm all;
-    all.reset(in.geometry, 1, 0, 1);
+    all.reset(in.geometry, 1, Utime(), 1us);
     for (int frame = 0; frame < uniform_int(rng, 0, 3); ++frame) {
       layers.push_back(layer_of(in, frame));
       for (std::size_t i = 0; i < all.words.size(); ++i) all.words[i] |= in.column(frame, 0, 0)[i];
@@ -169,7 +169,7 @@ TEST(Dilation, BoxesAndSamplesOfSeveralLayersEqualTheWhole) {
 
 TEST(Dilation, RefusesSenselessRadii) {
   Sogm in, out;
-  in.reset({.resolution_m = 0.1, .origin = {0, 0, 0}, .size = {2, 2, 2}}, 1, 0, 1);
+  in.reset({.resolution_m = 0.1, .origin = {0, 0, 0}, .size = {2, 2, 2}}, 1, Utime(), 1us);
   EXPECT_THROW(dilate(in, -0.1, &out), std::invalid_argument);
   EXPECT_THROW(dilate(in, std::nan(""), &out), std::invalid_argument);
 }

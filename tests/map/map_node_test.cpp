@@ -5,13 +5,13 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <cmath>
 #include <functional>
 #include <limits>
 #include <sstream>
 #include <string>
 
 #include "lcmtypes/bus/channels.h"
+#include "tests/support/start_time.h"
 
 namespace swarm {
 namespace {
@@ -23,7 +23,6 @@ using sogm_swarm::obstacles_t;
 using sogm_swarm::robot_state_t;
 
 constexpr int kRobot = 4;
-constexpr std::int64_t kStart_us = 1'700'000'000'000'000;
 
 class Inbox : public Outbox {
  public:
@@ -53,9 +52,9 @@ class Inbox : public Outbox {
 // A node in simulated time that is called as the hosts call it.
 class Fixture {
  public:
-  explicit Fixture(const MapConfig& config = default_config(), MapNode::Stopwatch stopwatch = nullptr)
+  explicit Fixture(const MapConfig& config = default_config(), Stopwatch stopwatch = nullptr)
       : node(config, 77, std::move(stopwatch)) {
-    wake_us_ = node.step(now_us, out);
+    wake_ = node.step(now, out);
   }
 
   static MapConfig default_config() {
@@ -66,23 +65,23 @@ class Fixture {
   }
 
   // Wakes the node whenever it asked for it.
-  void run_until(std::int64_t utime) {
-    while (wake_us_ <= utime) {
-      ASSERT_GT(wake_us_, now_us);
-      now_us = wake_us_;
-      wake_us_ = node.step(now_us, out);
+  void run_until(Utime utime) {
+    while (wake_ <= utime) {
+      ASSERT_GT(wake_, now);
+      now = wake_;
+      wake_ = node.step(now, out);
     }
-    now_us = utime;
+    now = utime;
   }
-  void set_clock(std::int64_t utime) {
-    now_us = utime;
-    wake_us_ = node.step(now_us, out);
+  void set_clock(Utime utime) {
+    now = utime;
+    wake_ = node.step(now, out);
   }
-  void run_for(double seconds) { run_until(now_us + std::llround(seconds * 1e6)); }
+  void run_for(double seconds) { run_until(now + to_duration(seconds)); }
 
   void deliver(const char* channel, std::span<const std::uint8_t> bytes) {
-    node.on_message(now_us, BusId::kOnboard, channel, bytes, out);
-    wake_us_ = node.step(now_us, out);
+    node.on_message(now, BusId::kOnboard, channel, bytes, out);
+    wake_ = node.step(now, out);
   }
   template <class T>
   void send(const char* channel, const T& message) {
@@ -97,7 +96,7 @@ class Fixture {
     message.header.robot_id = kRobot;
     message.header.boot = 1;
     message.header.seq = seq_++;
-    message.header.utime = now_us;
+    message.header.utime = to_us(now);
     return message;
   }
   void send_state(const Eigen::Vector3d& position = {0, 0, 1}, const Eigen::Vector3d& velocity = {0, 0, 0}) {
@@ -124,20 +123,20 @@ class Fixture {
     list.num_obstacles = 1;
     return list;
   }
-  bool occupied(double time_s, const Eigen::Vector3d& point) const {
+  bool occupied(double since_s, const Eigen::Vector3d& point) const {
     const Sogm& map = out.map;
-    return map.occupied(map.frame_at(map.start_utime + std::llround(time_s * 1e6)), map.geometry.voxel_of(point));
+    return map.occupied(map.frame_at(map.start_utime + to_duration(since_s)), map.geometry.voxel_of(point));
   }
   bool empty() const {
     return std::all_of(out.map.words.begin(), out.map.words.end(), [](std::uint64_t word) { return word == 0; });
   }
 
-  std::int64_t now_us = kStart_us;
+  Utime now = kStart;
   Inbox out;
   MapNode node;
 
  private:
-  std::int64_t wake_us_ = 0;
+  Utime wake_{};
   std::int64_t seq_ = 0;
   std::vector<std::uint8_t> bytes_;
 };
@@ -201,7 +200,7 @@ TEST(MapNode, PublishesAtOnceOnObstaclesUpToTheHighestRate) {
   EXPECT_EQ(f.out.maps, 1);
   f.send(channel::kObstacles, f.one_sphere({1, 0, 1}));
   EXPECT_EQ(f.out.maps, 2);
-  EXPECT_EQ(f.out.map.start_utime, f.now_us);
+  EXPECT_EQ(f.out.map.start_utime, f.now);
   EXPECT_TRUE(f.occupied(0, {1, 0, 1}));
   f.run_for(0.01);
   f.send(channel::kObstacles, f.one_sphere({2, 0, 1}));  // too early: waits for 50 ms since the map before
@@ -230,7 +229,7 @@ TEST(MapNode, ObstaclesAtTwentyHertzNeverWaitForTheirMap) {
   for (int i = 0; i < 20; ++i) {
     if (i % 5 == 0) f.send_state();
     f.send(channel::kObstacles, f.one_sphere({1, 0, 1}));
-    EXPECT_TRUE(i == 0 || f.out.map.start_utime == f.now_us) << "list " << i;
+    EXPECT_TRUE(i == 0 || f.out.map.start_utime == f.now) << "list " << i;
     f.run_for(0.05);
   }
 }
@@ -245,7 +244,7 @@ TEST(MapNode, WindowFollowsThePredictedRobotOnTheLattice) {
   const Eigen::Vector3d middle = (g.origin.cast<double>() + g.size.cast<double>() / 2) * g.resolution_m;
   EXPECT_LE((middle - Eigen::Vector3d(1.534, -20.65, 3.085)).cwiseAbs().maxCoeff(), 0.05 + 1e-9) << middle.transpose();
   EXPECT_EQ(f.out.map.num_frames, 20);
-  EXPECT_EQ(f.out.map.frame_duration_us, 100'000);
+  EXPECT_EQ(f.out.map.frame_duration, 100ms);
 }
 
 TEST(MapNode, ObstaclesMoveFromTheirMeasurementOn) {
@@ -278,7 +277,7 @@ TEST(MapNode, ShapesOfTheWireMeanTheSameHere) {
     ++list.num_obstacles;
   };
   f.run_for(0.06);
-  list.header.utime = f.now_us;
+  list.header.utime = to_us(f.now);
   add(obstacle_t::kColumn, {-3, -3, 1}, {0.6, 2.0, 0}, 0);
   add(obstacle_t::kRing, {3, 3, 1}, {1.0, 0.1, 0}, 0);  // axis along x
   add(obstacle_t::kBox, {-3, 3, 1}, {2.0, 0.2, 0.2}, 1.5707963);
@@ -439,7 +438,7 @@ TEST(MapNode, SurvivesAClockThatIsSetBack) {
   f.run_for(0.3);
   EXPECT_TRUE(f.occupied(0, {1, 0, 1}));
   const int maps = f.out.maps, statuses = f.out.statuses;
-  f.set_clock(f.now_us - 3'600'000'000);
+  f.set_clock(f.now - 1h);
   EXPECT_EQ(f.out.maps, maps);  // the state is from the future now
   f.send_state();
   f.run_for(0.1);
@@ -450,8 +449,8 @@ TEST(MapNode, SurvivesAClockThatIsSetBack) {
 }
 
 TEST(MapNode, ReportsBuildTimesOfItsStopwatch) {
-  std::int64_t ns = 0;
-  Fixture f(Fixture::default_config(), [&ns] { return ns += 2'500'000; });
+  std::chrono::nanoseconds passed{};
+  Fixture f(Fixture::default_config(), [&passed] { return passed += 2500us; });
   f.send_state();
   f.run_for(1.0);
   EXPECT_FLOAT_EQ(f.out.status.build_ms, 2.5f);

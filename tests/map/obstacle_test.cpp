@@ -181,7 +181,7 @@ struct Scene {
 Scene random_scene(Shape::Kind kind, bool vertical, Random* random) {
   Scene scene;
   scene.obstacle.shape = random_shape(kind, random);
-  scene.obstacle.utime = 7'000'000 + random->integer(-500'000, 100'000);
+  scene.obstacle.utime = Utime(7s) + Duration(random->integer(-500'000, 100'000));
   scene.obstacle.position = random->vector(0.9);
   const double speed = random->integer(0, 3) == 0 ? 0.0 : 2.0;
   scene.obstacle.velocity = speed * random->vector(1.0);
@@ -193,14 +193,14 @@ Scene random_scene(Shape::Kind kind, bool vertical, Random* random) {
   scene.sogm.reset({.resolution_m = resolution_m,
                     .origin = tall ? Eigen::Vector3i(-4, -5, -50) : Eigen::Vector3i(-6, -5, -6),
                     .size = tall ? Eigen::Vector3i(8, 8, 75) : Eigen::Vector3i(13, 11, 12)},
-                   2, 7'000'000, random->integer(20'000, 300'000));
+                   2, Utime(7s), Duration(random->integer(20'000, 300'000)));
   return scene;
 }
 
 Eigen::Vector3d position_at(const Scene& scene, int frame, double fraction) {
-  const double t_us = static_cast<double>(scene.sogm.start_utime - scene.obstacle.utime) +
-                      (frame + fraction) * static_cast<double>(scene.sogm.frame_duration_us);
-  return scene.obstacle.position + 1e-6 * t_us * scene.obstacle.velocity;
+  const double t_s = to_seconds(scene.sogm.start_utime - scene.obstacle.utime) +
+                     (frame + fraction) * to_seconds(scene.sogm.frame_duration);
+  return scene.obstacle.position + t_s * scene.obstacle.velocity;
 }
 
 // Nothing that touches at a sampled time is missed; nothing is marked that stays farther than the promised slack.
@@ -214,7 +214,7 @@ TEST(Rasterize, AgreesWithDistancesSampledInTime) {
       Scene scene = random_scene(kind, vertical, &random);
       Sogm& sogm = scene.sogm;
       rasterize(scene.obstacle, scene.margin_m, scene.growth_mps, &sogm);
-      const double frame_s = 1e-6 * static_cast<double>(sogm.frame_duration_us);
+      const double frame_s = to_seconds(sogm.frame_duration);
       const double gap_m = scene.obstacle.velocity.norm() * frame_s / kSamples / 2;  // between samples in time
       const bool exact = !vertical && (kind == Shape::Kind::kColumn || kind == Shape::Kind::kSphere);
       for (int f = 0; f < sogm.num_frames; ++f) {
@@ -272,8 +272,8 @@ TEST(Rasterize, FrameIsTheUnionOfItsHalves) {
     for (int trial = 0; trial < 200; ++trial) {
       Scene scene = random_scene(kind, false, &random);
       Sogm whole = scene.sogm, halves;
-      whole.frame_duration_us = 200'000;
-      halves.reset(whole.geometry, 2 * whole.num_frames, whole.start_utime, 100'000);
+      whole.frame_duration = 200ms;
+      halves.reset(whole.geometry, 2 * whole.num_frames, whole.start_utime, 100ms);
       rasterize(scene.obstacle, scene.margin_m, 0.0, &whole);
       rasterize(scene.obstacle, scene.margin_m, 0.0, &halves);
       const std::size_t n = static_cast<std::size_t>(whole.geometry.words_per_frame());
@@ -294,7 +294,7 @@ TEST(Rasterize, KeepsWhatIsThereAndIgnoresTheFarAway) {
   Scene scene;
   scene.obstacle.shape = {.kind = Shape::Kind::kSphere, .size = {0.5, 0, 0}};
   scene.obstacle.position = {1e5, -1e5, 3.0};
-  scene.sogm.reset({.resolution_m = 0.1, .origin = {0, 0, 0}, .size = {4, 4, 4}}, 2, 0, 100'000);
+  scene.sogm.reset({.resolution_m = 0.1, .origin = {0, 0, 0}, .size = {4, 4, 4}}, 2, Utime(), 100ms);
   scene.sogm.column(1, 2, 3)[0] = 5;
   const Sogm before = scene.sogm;
   rasterize(scene.obstacle, 0.1, 0.0, &scene.sogm);

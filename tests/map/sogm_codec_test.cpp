@@ -10,6 +10,7 @@
 
 #include "lcmtypes/bus/crc32.h"
 #include "map_daemon/obstacle.h"
+#include "tests/support/start_time.h"
 
 namespace swarm {
 namespace {
@@ -32,8 +33,7 @@ Sogm paper_map(std::mt19937* rng) {
     return std::uniform_real_distribution<double>(low, high)(*rng);
   };
   Sogm sogm;
-  sogm.reset({.resolution_m = 0.1, .origin = {-50, -50, -10}, .size = {100, 100, 40}}, 20, 1'700'000'000'000'000,
-             100'000);
+  sogm.reset({.resolution_m = 0.1, .origin = {-50, -50, -10}, .size = {100, 100, 40}}, 20, kStart, 100ms);
   for (int i = 0; i < 20; ++i) {
     Obstacle obstacle;
     const double speed = uniform(0, 1), heading = uniform(0, 2 * std::numbers::pi);
@@ -55,7 +55,7 @@ Sogm paper_map(std::mt19937* rng) {
 
 Sogm noise(const Eigen::Vector3i& size, int frames, std::mt19937* rng) {
   Sogm sogm;
-  sogm.reset({.resolution_m = 0.15, .origin = {7, -8, 9}, .size = size}, frames, 123'456'789, 50'000);
+  sogm.reset({.resolution_m = 0.15, .origin = {7, -8, 9}, .size = size}, frames, to_utime(123'456'789), 50ms);
   const int tail = size.z() % 64, words = sogm.geometry.words_per_column();
   std::uniform_int_distribution<std::uint64_t> bits;
   for (std::size_t i = 0; i < sogm.words.size(); ++i) {
@@ -67,7 +67,7 @@ Sogm noise(const Eigen::Vector3i& size, int frames, std::mt19937* rng) {
 
 void expect_equal(const Sogm& a, const Sogm& b) {
   EXPECT_EQ(a.start_utime, b.start_utime);
-  EXPECT_EQ(a.frame_duration_us, b.frame_duration_us);
+  EXPECT_EQ(a.frame_duration, b.frame_duration);
   EXPECT_EQ(a.num_frames, b.num_frames);
   EXPECT_EQ(a.geometry, b.geometry);
   EXPECT_TRUE(a.words == b.words);
@@ -126,7 +126,7 @@ TEST(SogmCodec, PaperMapFitsOneDatagramAndIsDeterministic) {
     const std::vector<sogm_t> parts = parts_of(in, trial), again = parts_of(in, trial);
     ASSERT_EQ(parts.size(), 1u);
     EXPECT_EQ(parts[0].packed, again[0].packed);
-    EXPECT_EQ(parts[0].header.utime, in.start_utime);
+    EXPECT_EQ(to_utime(parts[0].header.utime), in.start_utime);
     most = std::max(most, parts[0].packed.size());
     Sogm out;
     SogmAssembler assembler;
@@ -140,7 +140,7 @@ TEST(SogmCodec, PaperMapFitsOneDatagramAndIsDeterministic) {
 // As lcmtypes/sogm_t.lcm says, by hand: two columns that are alike, of which one goes, and one of every other voxel.
 TEST(SogmCodec, TheBytesAreThoseOfTheFormat) {
   Sogm sogm;
-  sogm.reset({.resolution_m = 0.1, .origin = {0, 0, 0}, .size = {20, 10, 64}}, 2, 0, 100'000);
+  sogm.reset({.resolution_m = 0.1, .origin = {0, 0, 0}, .size = {20, 10, 64}}, 2, Utime(), 100ms);
   for (int frame : {0, 1}) {
     sogm.column(frame, 0, 2)[0] = 0xF0;
     sogm.column(frame, 0, 4)[0] = 0xF0;
@@ -169,7 +169,7 @@ TEST(SogmCodec, TheSameBytesOnEveryMachine) {
     return (state >> 33) % below;
   };
   Sogm sogm;
-  sogm.reset({.resolution_m = 0.1, .origin = {0, 0, 0}, .size = {60, 50, 70}}, 10, 0, 100'000);
+  sogm.reset({.resolution_m = 0.1, .origin = {0, 0, 0}, .size = {60, 50, 70}}, 10, Utime(), 100ms);
   for (int box = 0; box < 200; ++box) {
     const int x = static_cast<int>(number(58)), y = static_cast<int>(number(48));
     const std::uint64_t bits = (std::uint64_t{1} << number(40)) - 1;
@@ -281,7 +281,7 @@ TEST(SogmCodec, DamagedContentNeverBecomesAMap) {
 
 TEST(SogmCodec, BombsAndWrongSizesAreRefused) {
   Sogm zeros;  // but for one voxel: 63 MB in a few bytes
-  zeros.reset({.resolution_m = 0.1, .origin = {0, 0, 0}, .size = {512, 512, 64}}, 30, 0, 100'000);
+  zeros.reset({.resolution_m = 0.1, .origin = {0, 0, 0}, .size = {512, 512, 64}}, 30, Utime(), 100ms);
   for (int frame = 0; frame < 30; ++frame) zeros.column(frame, 511, 511)[0] = 1;
   std::vector<sogm_t> parts = parts_of(zeros, 0);
   ASSERT_EQ(parts.size(), 1u);
@@ -302,7 +302,7 @@ TEST(SogmCodec, BombsAndWrongSizesAreRefused) {
 
 TEST(SogmCodec, BitsAboveTheWindowAreRefused) {
   Sogm sogm;
-  sogm.reset({.resolution_m = 0.1, .origin = {0, 0, 0}, .size = {4, 4, 70}}, 2, 0, 100'000);
+  sogm.reset({.resolution_m = 0.1, .origin = {0, 0, 0}, .size = {4, 4, 70}}, 2, Utime(), 100ms);
   sogm.column(1, 3, 2)[1] = std::uint64_t{1} << 6;  // voxel 70
   SogmAssembler assembler;
   Sogm out;

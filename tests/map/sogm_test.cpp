@@ -10,21 +10,21 @@ namespace {
 
 TEST(Sogm, FrameAtClampsToFirstAndLast) {
   Sogm sogm;
-  sogm.reset({.resolution_m = 0.1, .origin = {0, 0, 0}, .size = {1, 1, 1}}, 20, 5'000'000, 100'000);
-  EXPECT_EQ(sogm.frame_at(0), 0);
-  EXPECT_EQ(sogm.frame_at(5'000'000), 0);
-  EXPECT_EQ(sogm.frame_at(5'099'999), 0);
-  EXPECT_EQ(sogm.frame_at(5'100'000), 1);
-  EXPECT_EQ(sogm.frame_at(6'999'999), 19);
-  EXPECT_EQ(sogm.frame_at(7'000'000), 19);
-  EXPECT_EQ(sogm.frame_at(60'000'000), 19);
+  sogm.reset({.resolution_m = 0.1, .origin = {0, 0, 0}, .size = {1, 1, 1}}, 20, Utime(5s), 100ms);
+  EXPECT_EQ(sogm.frame_at(Utime()), 0);
+  EXPECT_EQ(sogm.frame_at(Utime(5s)), 0);
+  EXPECT_EQ(sogm.frame_at(to_utime(5'099'999)), 0);
+  EXPECT_EQ(sogm.frame_at(Utime(5100ms)), 1);
+  EXPECT_EQ(sogm.frame_at(to_utime(6'999'999)), 19);
+  EXPECT_EQ(sogm.frame_at(Utime(7s)), 19);
+  EXPECT_EQ(sogm.frame_at(Utime(60s)), 19);
 }
 
 TEST(Sogm, ResetClearsAndKeepsTheAllocation) {
   Rng rng(7);
   Sogm sogm = random_bits({10, 9, 70}, 4, 0.5, 0.1, rng);
   const std::uint64_t* before = sogm.words.data();
-  sogm.reset({.resolution_m = 0.2, .origin = {1, 2, 3}, .size = {5, 9, 64}}, 3, 42, 7);
+  sogm.reset({.resolution_m = 0.2, .origin = {1, 2, 3}, .size = {5, 9, 64}}, 3, to_utime(42), 7us);
   EXPECT_EQ(sogm.words.data(), before);
   EXPECT_EQ(sogm.words, std::vector<std::uint64_t>(3u * 5 * 9, 0));
   EXPECT_FALSE(sogm.occupied(0, {-1, 0, 0}));

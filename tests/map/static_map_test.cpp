@@ -128,7 +128,7 @@ TEST_F(StaticMapTest, CopyEqualsLookUpsAndKeepsWhatIsThere) {
       window.size[axis] = axis == 2 ? 2 * extent(rng) : extent(rng) / 4 + 1;
     }
     Sogm sogm;
-    sogm.reset(window, 2, 0, 100'000);
+    sogm.reset(window, 2, Utime(), 100ms);
     sogm.column(1, 0, 0)[0] = 1;
     map.copy_into(&sogm);
     for (int x = 0; x < window.size.x(); ++x) {
@@ -158,7 +158,7 @@ TEST_F(StaticMapTest, MapWithoutOccupiedSpaceIsEmpty) {
   for (const char* name : {"free.ot", "nothing.ot"}) {
     const StaticMap map(path(name), 0.1, 0.05);
     Sogm sogm;
-    sogm.reset({.resolution_m = 0.1, .origin = {-5, -5, -5}, .size = {10, 10, 10}}, 2, 0, 100'000);
+    sogm.reset({.resolution_m = 0.1, .origin = {-5, -5, -5}, .size = {10, 10, 10}}, 2, Utime(), 100ms);
     map.copy_into(&sogm);
     EXPECT_EQ(sogm.words, std::vector<std::uint64_t>(200, 0)) << name;
   }

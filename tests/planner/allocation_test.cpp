@@ -8,6 +8,7 @@
 #include "tests/support/harness.h"
 #include "tests/support/random_map.h"
 #include "tests/support/random_motion.h"
+#include "tests/support/start_time.h"
 
 // The sanitizers bring their own allocator.
 #if defined(__GLIBC__) && !defined(__SANITIZE_ADDRESS__)
@@ -53,8 +54,6 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr std::int64_t kStart = 1'700'000'000'000'000;
-
 template <class Call>
 int allocations_of(const Call& call) {
   allocations = 0;
@@ -84,14 +83,14 @@ TEST(Allocation, PlanningTakesNoMemoryOnceItHasMetItsProblems) {
   std::vector<Sogm> maps;
   std::vector<std::vector<Peer>> peers(kRequests);
   std::vector<PlanRequest> requests(kRequests);
-  for (int i = 0; i < kRequests; ++i) maps.push_back(random_map(rng, 3 * (i % 12), {10, 10, 2}, 20, kStart, 100'000));
+  for (int i = 0; i < kRequests; ++i) maps.push_back(random_map(rng, 3 * (i % 12), {10, 10, 2}, 20, kStart, 100ms));
   for (std::size_t i = 0; i < kRequests; ++i) {
     for (std::size_t k = 0; k < i % 4; ++k)
-      peers[i].push_back({random_motion(rng, kStart - 500'000, 3.0), Trajectory(), 0.2});
+      peers[i].push_back({random_motion(rng, kStart - 500ms, 3.0), Trajectory(), 0.2});
     requests[i].sogm = &maps[i];
     requests[i].peers = &peers[i];
-    requests[i].own = {Trajectory::hover(1, kStart - 1'000'000, in_box(rng, {-3, -3, -0.8}, {3, 3, 0.8})), {}};
-    requests[i].start_utime = kStart + 50'000;
+    requests[i].own = {Trajectory::hover(1, kStart - 1s, in_box(rng, {-3, -3, -0.8}, {3, 3, 0.8})), {}};
+    requests[i].start_utime = kStart + 50ms;
     requests[i].goal = in_box(rng, {-6, -6, -0.8}, {6, 6, 0.8});
   }
   std::array<int, 3> outcomes{};

@@ -7,7 +7,6 @@
 #include <array>
 #include <cmath>
 #include <cstring>
-#include <limits>
 #include <sstream>
 #include <stdexcept>
 #include <string>
@@ -18,15 +17,14 @@
 #include "planner_daemon/search/space_time_heuristic.h"
 #include "tests/support/random_map.h"
 #include "tests/support/random_motion.h"
+#include "tests/support/start_time.h"
 
 namespace swarm {
 namespace {
 
 using Eigen::Vector3d;
 
-constexpr std::int64_t kStart = 1'700'000'000'000'000;
-constexpr std::int64_t kNever = std::numeric_limits<std::int64_t>::max();
-constexpr std::int64_t kLead_us = 50'000, kPeriod_us = 100'000, kFrame_us = 200'000;
+constexpr Duration kLead = 50ms, kPeriod = 100ms, kFrame = 200ms;
 constexpr int kFrames = 11;
 
 PlannerConfig flat_config() {
@@ -36,17 +34,17 @@ PlannerConfig flat_config() {
   return config;
 }
 
-Sogm map_at(std::int64_t utime) {
-  return empty_map({10, 6, 2}, 0.1, kFrames, utime, kFrame_us);
+Sogm map_at(Utime utime) {
+  return empty_map({10, 6, 2}, 0.1, kFrames, utime, kFrame);
 }
 
 Motion hovering(const Vector3d& position) {
-  return {Trajectory::hover(1, kStart - 1'000'000, position), {}};
+  return {Trajectory::hover(1, kStart - 1s, position), {}};
 }
 
 // Rest to rest along a line.
-Trajectory line(std::int64_t start_utime, std::int32_t duration_us, const Vector3d& from, const Vector3d& to) {
-  Trajectory trajectory(1, start_utime, duration_us, 1);
+Trajectory line(Utime start_utime, Duration duration, const Vector3d& from, const Vector3d& to) {
+  Trajectory trajectory(1, start_utime, duration, 1);
   MotionState state;
   state.position = from;
   trajectory.set_knot(0, state);
@@ -55,9 +53,9 @@ Trajectory line(std::int64_t start_utime, std::int32_t duration_us, const Vector
   return trajectory;
 }
 
-double least_distance(const Motion& a, const Motion& b, std::int64_t from, std::int64_t to) {
+double least_distance(const Motion& a, const Motion& b, Utime from, Utime to) {
   double least = INFINITY;
-  for (std::int64_t t = from; t <= to; t += 1000) {
+  for (Utime t = from; t <= to; t += 1ms) {
     least = std::min(least, (a.at(t).position - b.at(t).position).norm());
   }
   return least;
@@ -71,8 +69,8 @@ Sogm compose_independently(const PlanRequest& request) {
     if (!peer.pending.empty()) motions.push_back({peer.motion.committed, peer.pending});
     for (const Motion& motion : motions) {
       for (int frame = 0; frame < occupied.num_frames; ++frame) {
-        for (std::int64_t t = 0; t <= occupied.frame_duration_us; t += 5000) {
-          const Vector3d position = motion.at(occupied.start_utime + frame * occupied.frame_duration_us + t).position;
+        for (Duration t{}; t <= occupied.frame_duration; t += 5ms) {
+          const Vector3d position = motion.at(occupied.start_utime + frame * occupied.frame_duration + t).position;
           mark_ball(&occupied, frame, position, peer.radius_m + occupied.geometry.resolution_m / 2);
         }
       }
@@ -99,8 +97,8 @@ void check_plan(const PlanResult& result, const PlanRequest& request, const Plan
   ASSERT_FALSE(plan.empty());
   ASSERT_EQ(plan.seq(), 0);
   ASSERT_EQ(plan.start_utime(), request.start_utime);
-  if (result.outcome != PlanOutcome::kUnsafe || plan.piece_us() != config.search.piece_us / 2) {
-    ASSERT_EQ(plan.piece_us(), config.search.piece_us);
+  if (result.outcome != PlanOutcome::kUnsafe || plan.piece() != config.search.piece / 2) {
+    ASSERT_EQ(plan.piece(), config.search.piece);
   }
   const MotionState start = request.own.at(request.start_utime), first = plan.knot(0),
                     last = plan.knot(plan.num_pieces());
@@ -109,43 +107,44 @@ void check_plan(const PlanResult& result, const PlanRequest& request, const Plan
   ASSERT_EQ(first.acceleration, start.acceleration.cast<float>().cast<double>());
   ASSERT_EQ(last.velocity, Vector3d::Zero());
   ASSERT_EQ(last.acceleration, Vector3d::Zero());
-  for (std::int64_t t = plan.start_utime(); t < plan.end_utime(); t += 1000) {
+  for (Utime t = plan.start_utime(); t < plan.end_utime(); t += 1ms) {
     const MotionState state = plan.at(t);
-    ASSERT_LE(state.velocity.cwiseAbs().maxCoeff(), 1.01 * config.limits.v_max_mps) << t - plan.start_utime();
-    ASSERT_LE(state.acceleration.cwiseAbs().maxCoeff(), 1.006 * config.limits.a_max_mps2) << t - plan.start_utime();
+    ASSERT_LE(state.velocity.cwiseAbs().maxCoeff(), 1.01 * config.limits.v_max_mps) << (t - plan.start_utime()).count();
+    ASSERT_LE(state.acceleration.cwiseAbs().maxCoeff(), 1.006 * config.limits.a_max_mps2)
+        << (t - plan.start_utime()).count();
   }
   ASSERT_TRUE(result.search_status != SearchStatus::kPartial || result.outcome == PlanOutcome::kUnsafe);
   if (!result.fly) return;
-  for (std::int64_t t = plan.start_utime(); t <= plan.end_utime(); t += 5000) {  // safe or not
+  for (Utime t = plan.start_utime(); t <= plan.end_utime(); t += 5ms) {  // safe or not
     const Vector3d position = plan.at(t).position;
     ASSERT_TRUE((position.array() > config.limits.space_min.array() - 2e-3).all() &&
                 (position.array() < config.limits.space_max.array() + 2e-3).all())
-        << t - plan.start_utime() << " us after the start: " << position.transpose();
+        << (t - plan.start_utime()).count() << " us after the start: " << position.transpose();
   }
   if (result.outcome == PlanOutcome::kUnsafe) return;
 
   const Sogm occupied = compose_independently(request);
   const GridGeometry& grid = occupied.geometry;
   const double radius = config.space.radius_m + config.space.clearance_m;
-  const auto free_at = [&](std::int64_t t) {
+  const auto free_at = [&](Utime t) {
     const Eigen::Vector3i voxel = grid.voxel_of(plan.at(t).position);
     return distance_to_occupied(occupied, occupied.frame_at(t), grid.center_of(voxel), radius + 0.01) > radius - 1e-6;
   };
-  std::int64_t from = request.start_utime;
-  if (!free_at(from)) from += std::llround(1e6 * config.search.leave_s);
-  constexpr std::int64_t step = 10'000;
-  const std::int64_t begin = request.start_utime + (from - request.start_utime + step - 1) / step * step;
+  Utime from = request.start_utime;
+  if (!free_at(from)) from += to_duration(config.search.leave_s);
+  constexpr Duration step = 10ms;
+  const Utime begin = request.start_utime + (from - request.start_utime + step - 1us) / step * step;
   const double half_diagonal = std::sqrt(3.0) / 2 * grid.resolution_m;
-  for (std::int64_t t = begin; t <= request.start_utime + 2'000'000; t += 2500) {
-    const std::int64_t before = begin + (t - begin) / step * step;
-    ASSERT_TRUE(t != before || free_at(t)) << t - request.start_utime << " us after the start";
-    std::int64_t away = kNever;
-    for (std::int64_t instant : {before, before + step}) {
-      if (occupied.frame_at(instant) == occupied.frame_at(t)) away = std::min(away, std::abs(t - instant));
+  for (Utime t = begin; t <= request.start_utime + 2s; t += 2500us) {
+    const Utime before = begin + (t - begin) / step * step;
+    ASSERT_TRUE(t != before || free_at(t)) << (t - request.start_utime).count() << " us after the start";
+    Duration away = Duration::max();
+    for (const Utime instant : {before, before + step}) {
+      if (occupied.frame_at(instant) == occupied.frame_at(t)) away = std::min(away, std::chrono::abs(t - instant));
     }
-    const double required = radius - half_diagonal - 1e-6 * static_cast<double>(away) * 1.75 * config.limits.v_max_mps;
+    const double required = radius - half_diagonal - to_seconds(away) * 1.75 * config.limits.v_max_mps;
     ASSERT_GE(distance_to_occupied(occupied, occupied.frame_at(t), plan.at(t).position, radius), required)
-        << t - request.start_utime << " us after the start";
+        << (t - request.start_utime).count() << " us after the start";
   }
 }
 
@@ -156,7 +155,7 @@ PlanRequest make_request(const Sogm& sogm, const Motion& own, const Vector3d& go
   PlanRequest request;
   request.sogm = &sogm;
   request.own = own;
-  request.start_utime = sogm.start_utime + kLead_us;
+  request.start_utime = sogm.start_utime + kLead;
   request.goal = goal;
   request.peers = &peers;
   return request;
@@ -171,19 +170,19 @@ struct Flight {
   template <typename DrawMap>
   void run(const PlannerConfig& config, const Vector3d& goal, double seconds, const DrawMap& draw) {
     Planner planner(config);
-    for (std::int64_t now = kStart; now < kStart + std::llround(1e6 * seconds); now += kPeriod_us) {
+    for (Utime now = kStart; now < kStart + to_duration(seconds); now += kPeriod) {
       if (!own.next.empty() && own.next.start_utime() <= now) own = {own.next, {}};
       Sogm sogm = map_at(now);
-      draw(1e-6 * static_cast<double>(now - kStart), &sogm);
+      draw(to_seconds(now - kStart), &sogm);
       const PlanRequest request = make_request(sogm, own, goal);
       const PlanResult& result = planner.plan(request);
-      SCOPED_TRACE(testing::Message() << "at " << now - kStart << " us: " << describe(request, result));
+      SCOPED_TRACE(testing::Message() << "at " << (now - kStart).count() << " us: " << describe(request, result));
       ASSERT_NO_FATAL_FAILURE(check_plan(result, request, config));
       smooth += result.outcome == PlanOutcome::kSmooth;
       raw += result.outcome == PlanOutcome::kRaw;
       unsafe += result.outcome == PlanOutcome::kUnsafe;
       if (result.fly) own.next = result.trajectory;
-      for (std::int64_t t = now; t < now + kPeriod_us; t += 1000) states.push_back(own.at(t));
+      for (Utime t = now; t < now + kPeriod; t += 1ms) states.push_back(own.at(t));
     }
   }
 
@@ -262,9 +261,9 @@ TEST(PlannerTest, KeepsOutOfWhatWasRecentlyOccupied) {
     EXPECT_TRUE(result.fly);
     EXPECT_NE(result.outcome, PlanOutcome::kUnsafe);
     int samples = 0;
-    for (std::int64_t t = result.trajectory.start_utime(); t < result.trajectory.end_utime(); t += 5000) {
+    for (Utime t = result.trajectory.start_utime(); t < result.trajectory.end_utime(); t += 5ms) {
       // Where the column was 0.3 s ago, and the robot's size with some room.
-      const Vector3d was = from + (1e-6 * static_cast<double>(t - kStart) - 0.3) * velocity;
+      const Vector3d was = from + (to_seconds(t - kStart) - 0.3) * velocity;
       samples += (result.trajectory.at(t).position - was).head<2>().norm() < 0.3 + 0.2;
     }
     return samples;
@@ -294,13 +293,13 @@ TEST(PlannerTest, KeepsClearOfPeers) {
   const Sogm sogm = map_at(kStart);
   std::vector<Peer> cases(5);
   cases[0].motion = hovering({0.0, 0.1, 0.0});
-  cases[1].motion = {line(kStart, 1'600'000, {2.0, 0.0, 0.0}, {-2.5, 0.0, 0.0}), {}};  // head on
+  cases[1].motion = {line(kStart, 1600ms, {2.0, 0.0, 0.0}, {-2.5, 0.0, 0.0}), {}};  // head on
   cases[2].motion = hovering(away);
-  cases[2].motion.next = line(kStart + 130'000, 700'000, away, {0.0, 0.0, 0.0});  // comes in between two frames' bounds
+  cases[2].motion.next = line(kStart + 130ms, 700ms, away, {0.0, 0.0, 0.0});  // comes in between two frames' bounds
   cases[3].motion = hovering(away);
-  cases[3].pending = line(kStart + 130'000, 700'000, away, {0.0, 0.0, 0.0});
+  cases[3].pending = line(kStart + 130ms, 700ms, away, {0.0, 0.0, 0.0});
   cases[4].motion = hovering({0.0, 0.1, 0.0});
-  cases[4].pending = line(kStart + 100'000, 700'000, {0.0, 0.1, 0.0}, away);  // announces to leave: may stay as well
+  cases[4].pending = line(kStart + 100ms, 700ms, {0.0, 0.1, 0.0}, away);  // announces to leave: may stay as well
   Planner planner(config);
   PlanRequest request = make_request(sogm, own, goal);
   const Trajectory regardless = planner.plan(request).trajectory;
@@ -316,7 +315,7 @@ TEST(PlannerTest, KeepsClearOfPeers) {
     double least = INFINITY, least_regardless = INFINITY;
     for (const Motion& motion : motions) {
       EXPECT_TRUE(motions_separated({result.trajectory, {}}, motion, request.start_utime, 0.4));
-      const std::int64_t end = request.start_utime + 2'000'000;
+      const Utime end = request.start_utime + 2s;
       least = std::min(least, least_distance({result.trajectory, {}}, motion, request.start_utime, end));
       least_regardless = std::min(least_regardless, least_distance({regardless, {}}, motion, request.start_utime, end));
     }
@@ -335,9 +334,9 @@ TEST(PlannerTest, LeavesBlockedSpaceInTime) {
   SCOPED_TRACE(describe(request, result));
   ASSERT_NE(result.outcome, PlanOutcome::kUnsafe);
   ASSERT_NO_FATAL_FAILURE(check_plan(result, request, config));
-  for (std::int64_t t = 0; t < 2'000'000; t += 1000) {
+  for (Duration t{}; t < 2s; t += 1ms) {
     const double x = result.trajectory.at(request.start_utime + t).position.x();
-    ASSERT_LT(x, t < 450'000 ? 0.0 : -0.1) << t;
+    ASSERT_LT(x, t < 450ms ? 0.0 : -0.1) << t.count();
   }
 }
 
@@ -349,13 +348,13 @@ TEST(PlannerTest, KeepsTheOwnMotionWhenNoPlanIsBetter) {
   mark_box(&sogm, {-9, -9, -9}, {2.0, 9, 9}, 4, kFrames);
   Motion own = hovering({0.03, 0.03, 0.02});
   PlanRequest request = make_request(sogm, own, {3, 0, 0});
-  request.own.next = line(request.start_utime, 700'000, {0.03, 0.03, 0.02}, {3.5, 0.03, 0.02});
+  request.own.next = line(request.start_utime, 700ms, {0.03, 0.03, 0.02}, {3.5, 0.03, 0.02});
   const PlanResult& kept = planner.plan(request);
   EXPECT_EQ(kept.outcome, PlanOutcome::kUnsafe);
   EXPECT_FALSE(kept.fly);
   EXPECT_EQ(kept.search_status, SearchStatus::kPartial);
 
-  request.own.next = line(request.start_utime, 700'000, {0.03, 0.03, 0.02}, {-0.9, 0.03, 0.02});
+  request.own.next = line(request.start_utime, 700ms, {0.03, 0.03, 0.02}, {-0.9, 0.03, 0.02});
   mark_box(&sogm, {-9, -9, -9}, {-0.45, 9, 9}, 0, 3);  // and this one flies into a wall before that
   const PlanResult& flown = planner.plan(request);
   EXPECT_EQ(flown.outcome, PlanOutcome::kUnsafe);
@@ -378,7 +377,7 @@ TEST(PlannerTest, StuckItKeepsAnEarlierPlanThatEndsNearerToTheGoal) {
   EXPECT_TRUE(hasty.plan(request).fly) << "better than to hover";
 
   request.own.next = far.trajectory;
-  request.start_utime += 100'000;
+  request.start_utime += 100ms;
   const PlanResult& near = hasty.plan(request);
   EXPECT_EQ(near.search_status, SearchStatus::kSurvives);
   EXPECT_NE(near.outcome, PlanOutcome::kUnsafe);
@@ -397,7 +396,7 @@ TEST(PlannerTest, StuckItKeepsAnEarlierPlanThatEndsNearerToTheGoal) {
 // after the static heuristic was made.
 TEST(PlannerTest, StaticHeuristicServesPlansForAWhile) {
   Planner planner(flat_config());
-  const auto detour_s = [&](std::int64_t utime, bool walled, const Vector3d& goal) {
+  const auto detour_s = [&](Utime utime, bool walled, const Vector3d& goal) {
     Sogm sogm = map_at(utime);
     if (walled) mark_box(&sogm, {3.0, -2.0, -9}, {3.4, 2.0, 9});
     planner.plan(make_request(sogm, hovering({0.03, 0.03, 0.02}), goal));
@@ -408,21 +407,21 @@ TEST(PlannerTest, StaticHeuristicServesPlansForAWhile) {
   };
   const Vector3d goal(4.5, 0.1, 0.1);
   EXPECT_EQ(detour_s(kStart, false, goal), 0.0);
-  EXPECT_EQ(detour_s(kStart + 100'000, true, goal), 0.0);
-  EXPECT_EQ(detour_s(kStart + 175'000, true, goal), 0.0);
-  EXPECT_GT(detour_s(kStart + 250'000, true, goal), 0.3);
-  EXPECT_GT(detour_s(kStart + 330'000, false, goal), 0.3);
-  EXPECT_EQ(detour_s(kStart + 340'000, false, {4.5, 0.2, 0.1}), 0.0);
-  EXPECT_GT(detour_s(kStart + 340'000, true, {4.5, 0.2, 0.1}), 0.3);  // the time has not moved on: another log, a reset
+  EXPECT_EQ(detour_s(kStart + 100ms, true, goal), 0.0);
+  EXPECT_EQ(detour_s(kStart + 175ms, true, goal), 0.0);
+  EXPECT_GT(detour_s(kStart + 250ms, true, goal), 0.3);
+  EXPECT_GT(detour_s(kStart + 330ms, false, goal), 0.3);
+  EXPECT_EQ(detour_s(kStart + 340ms, false, {4.5, 0.2, 0.1}), 0.0);
+  EXPECT_GT(detour_s(kStart + 340ms, true, {4.5, 0.2, 0.1}), 0.3);  // the time has not moved on: another log, a reset
   EXPECT_EQ(detour_s(kStart, false, {4.5, 0.2, 0.1}), 0.0);
 }
 
 // In a closed cage the search is stuck: it takes finer steps in every other plan, and usual ones again in the open.
 TEST(PlannerTest, AStuckSearchTakesFinerStepsInTurns) {
   Planner planner(flat_config());
-  std::int64_t utime = kStart;
+  Utime utime = kStart;
   const auto takes_finer_steps = [&](bool caged) {
-    Sogm sogm = map_at(utime += 50'000);
+    Sogm sogm = map_at(utime += 50ms);
     for (const double side : {-1.4, 1.2}) {
       if (caged) mark_box(&sogm, {side, -1.4, -9}, {side + 0.2, 1.4, 9});
       if (caged) mark_box(&sogm, {-1.4, side, -9}, {1.4, side + 0.2, 9});
@@ -445,7 +444,7 @@ TEST(PlannerTest, AStuckSearchTakesFinerStepsInTurns) {
 TEST(PlannerTest, SpaceTimeHeuristicServesTheNextMap) {
   Planner planner(flat_config());
   const Vector3d start(0.03, 0.03, 0.02);
-  const auto delay_s = [&](std::int64_t utime, bool walled, const Vector3d& goal) {
+  const auto delay_s = [&](Utime utime, bool walled, const Vector3d& goal) {
     Sogm sogm = map_at(utime);
     if (walled) mark_box(&sogm, {0.9, -2.0, -9}, {1.3, 2.0, 9});
     planner.plan(make_request(sogm, hovering(start), goal));
@@ -455,15 +454,15 @@ TEST(PlannerTest, SpaceTimeHeuristicServesTheNextMap) {
   };
   const Vector3d goal(4.5, 0.1, 0.1);
   EXPECT_EQ(delay_s(kStart, false, goal), 0.0);
-  EXPECT_EQ(delay_s(kStart + 50'000, true, goal), 0.0);
-  EXPECT_GT(delay_s(kStart + 75'000, true, goal), 0.3);
-  EXPECT_GT(delay_s(kStart + 125'000, false, goal), 0.3);
-  EXPECT_EQ(delay_s(kStart + 130'000, false, {4.5, 0.2, 0.1}), 0.0);
+  EXPECT_EQ(delay_s(kStart + 50ms, true, goal), 0.0);
+  EXPECT_GT(delay_s(kStart + 75ms, true, goal), 0.3);
+  EXPECT_GT(delay_s(kStart + 125ms, false, goal), 0.3);
+  EXPECT_EQ(delay_s(kStart + 130ms, false, {4.5, 0.2, 0.1}), 0.0);
 }
 
 double jerk_integral(const Trajectory& trajectory) {
   double sum = 0.0;
-  for (std::int64_t t = trajectory.start_utime() + 500; t < trajectory.end_utime(); t += 1000) {
+  for (Utime t = trajectory.start_utime() + 500us; t < trajectory.end_utime(); t += 1ms) {
     sum += 0.001 * trajectory.at(t).jerk.squaredNorm();
   }
   return sum;
@@ -488,13 +487,13 @@ TEST(PlannerTest, SmoothingLowersTheJerkOfTheSearchedPathInsideItsCorridors) {
     if (result.outcome != PlanOutcome::kSmooth) continue;
     const MotionState start = request.own.at(request.start_utime);
     const ReachableSet reach{start.position,    request.start_utime,
-                             limits.v_max_mps,  1e-6 * config.search.piece_us * config.search.num_pieces,
+                             limits.v_max_mps,  to_seconds(config.search.piece) * config.search.num_pieces,
                              limits.a_max_mps2, start.velocity};
     ConfigurationSpace space(config.space);  // all of it worked out beforehand
     space.compose(sogm, {}, reach);
     (void)space.layers(0, sogm.num_frames - 1, all_columns(sogm.geometry));
     Sogm still;  // occupied in every frame
-    still.reset(sogm.geometry, 1, kStart, sogm.frame_duration_us);
+    still.reset(sogm.geometry, 1, kStart, sogm.frame_duration);
     for (std::size_t i = 0; i < still.words.size(); ++i) {
       still.words[i] = ~std::uint64_t{0};
       for (int frame = 0; frame < sogm.num_frames; ++frame) still.words[i] &= sogm.column(frame, 0, 0)[i];
@@ -519,15 +518,16 @@ TEST(PlannerTest, SmoothingLowersTheJerkOfTheSearchedPathInsideItsCorridors) {
     ASSERT_EQ(status, result.search_status);
     ASSERT_EQ(path.expansions, result.expansions);  // the same search
     ASSERT_EQ(path.num_pieces, result.trajectory.num_pieces());
-    Trajectory raw(0, request.start_utime, config.search.piece_us, path.num_pieces);
+    Trajectory raw(0, request.start_utime, config.search.piece, path.num_pieces);
     for (int k = 0; k <= path.num_pieces; ++k) raw.set_knot(k, path.knots[static_cast<std::size_t>(k)]);
     const double before = jerk_integral(raw), after = jerk_integral(result.trajectory);
     ASSERT_LE(after, before * 1.001 + 1e-6);
     much_better += after < 0.8 * before;
     ASSERT_EQ(result.corridors.size(), static_cast<std::size_t>(path.num_pieces));
-    for (std::int64_t t = raw.start_utime(); t < raw.end_utime(); t += 1000) {
-      const auto piece = static_cast<std::size_t>((t - raw.start_utime()) / raw.piece_us());
-      ASSERT_LE(result.corridors[piece].violation(result.trajectory.at(t).position), 2e-6) << t - raw.start_utime();
+    for (Utime t = raw.start_utime(); t < raw.end_utime(); t += 1ms) {
+      const auto piece = static_cast<std::size_t>((t - raw.start_utime()) / raw.piece());
+      ASSERT_LE(result.corridors[piece].violation(result.trajectory.at(t).position), 2e-6)
+          << (t - raw.start_utime()).count();
     }
   }
   EXPECT_GT(compared, 12);
@@ -540,21 +540,21 @@ TEST(PlannerTest, RandomScenesKeepAllPromisesAndRepeatBitForBit) {
   Planner planner(config);
   std::array<int, 3> seen{};
   for (int trial = 0; trial < 30; ++trial) {
-    Sogm sogm = map_at(kStart - uniform_int(rng, 0, 150'000));
+    Sogm sogm = map_at(kStart - Duration(uniform_int(rng, 0, 150'000)));
     for (int i = uniform_int(rng, 0, 18); i > 0; --i) {
       mark_moving(&sogm, in_box(rng, {-4, -3, -1}, {4, 3, 1}), in_cube(rng, 0.8), uniform(rng, 0.1, 0.5), i % 2 == 0);
     }
     std::vector<Peer> peers(static_cast<std::size_t>(uniform_int(rng, 0, 4)));
     for (Peer& peer : peers) {
-      peer.motion = random_motion(rng, kStart - uniform_int(rng, 0, 2'000'000), 2.5);
+      peer.motion = random_motion(rng, kStart - Duration(uniform_int(rng, 0, 2'000'000)), 2.5);
       peer.radius_m = uniform(rng, 0.1, 0.4);
       if (uniform_int(rng, 0, 1) == 1) {
-        const std::int64_t leave = kStart + uniform_int(rng, 0, 300'000);
+        const Utime leave = kStart + Duration(uniform_int(rng, 0, 300'000));
         peer.pending = random_trajectory(rng, 2, leave, peer.motion.committed.at(leave), 2.5);
       }
     }
     // On the way somewhere: the motion of a plan made in empty space.
-    const Sogm empty = map_at(kStart - 600'000);
+    const Sogm empty = map_at(kStart - 600ms);
     const Vector3d goal = in_box(rng, {-4, -2, -0.8}, {4, 2, 0.8});
     const PlanRequest earlier = make_request(empty, hovering(in_box(rng, {-4, -2, -0.8}, {4, 2, 0.8})), goal);
     Motion own = earlier.own;
@@ -593,7 +593,7 @@ TEST(PlannerTest, SmoothTrajectoriesKeepTheLimitsFromAnyStart) {
   const Sogm sogm = map_at(kStart);
   int smooth = 0, other = 0;
   for (int trial = 0; trial < 50; ++trial) {
-    Motion own{Trajectory(1, kStart + kLead_us, 1'000'000, 1), {}};
+    Motion own{Trajectory(1, kStart + kLead, 1s, 1), {}};
     own.committed.set_knot(0, random_state(rng, 0.5, 2, 6));
     own.committed.set_knot(1, MotionState{});
     const PlanRequest request = make_request(sogm, own, in_cube(rng, 4));
@@ -619,7 +619,7 @@ TEST(PlannerTest, NothingDrivesTheRobotOutOfTheFlightSpace) {
   Planner planner(config);
   int without_way_out = 0;
   for (int trial = 0; trial < 400; ++trial) {
-    Sogm sogm = empty_map({6, 6, 4}, 0.1, 20, kStart, 100'000);
+    Sogm sogm = empty_map({6, 6, 4}, 0.1, 20, kStart, 100ms);
     sogm.geometry.origin.z() = 0;
     const double speed = uniform(rng, 0.5, 3.0), height = uniform(rng, 1.2, 2.8);
     for (int frame = 0; frame < sogm.num_frames; ++frame) {
@@ -640,8 +640,8 @@ TEST(PlannerTest, TimesItsStepsWithTheStopwatchOnly) {
   const PlanRequest request = make_request(sogm, hovering({0, 0, 0}), {1, 0, 0});
   Planner untimed(flat_config());
   for (double ms : untimed.plan(request).step_ms) EXPECT_EQ(ms, 0.0);
-  std::int64_t now_ns = 0;
-  Planner timed(flat_config(), [&] { return now_ns += 1'000'000; });
+  std::chrono::nanoseconds now{};
+  Planner timed(flat_config(), [&] { return now += 1ms; });
   for (double ms : timed.plan(request).step_ms) EXPECT_DOUBLE_EQ(ms, 1.0);
 }
 

@@ -17,7 +17,7 @@ using sogm_swarm::announcement_t;
 Bytes announcement(int robot, std::int64_t seq, const Trajectory& committed, const Trajectory& pending = {},
                    std::int8_t state = announcement_t::kNone, std::int32_t boot = 1, std::int32_t forced_seq = 0) {
   announcement_t message{};
-  message.header = make_header(robot, boot, seq, kStart_us + seq * 1000);
+  message.header = make_header(robot, boot, seq, kStart + seq * 1ms);
   message.radius = 0.2f;
   message.committed = committed.to_wire();
   message.pending = pending.to_wire();
@@ -28,11 +28,10 @@ Bytes announcement(int robot, std::int64_t seq, const Trajectory& committed, con
   return encoded(message);
 }
 
-const Trajectory kHover0 = Trajectory::hover(1, kStart_us, {0, 0, 1}),
-                 kHover1 = Trajectory::hover(1, kStart_us, {2, 0, 1});
+const Trajectory kHover0 = Trajectory::hover(1, kStart, {0, 0, 1}), kHover1 = Trajectory::hover(1, kStart, {2, 0, 1});
 
 Trajectory flight(const Trajectory& from, const Eigen::Vector3d& to) {
-  return quintic_to(from.at(kStart_us), kStart_us + 100'000, to, 1.0, 2, 2);
+  return quintic_to(from.at(kStart), kStart + 100ms, to, 1.0, 2, 2);
 }
 
 TEST(CommitAudit, FindsWhatMeetsOnceItIsCommitted) {
@@ -60,7 +59,7 @@ TEST(CommitAudit, ARestartThatCountsFromTheBeginningIsAudited) {
   CommitAudit audit;
   audit.hear(announcement(0, 0, kHover0));
   audit.hear(announcement(1, 5, kHover1));
-  audit.hear(announcement(1, 0, Trajectory::hover(1, kStart_us, {0.3, 0, 1}), {}, announcement_t::kNone, 2));
+  audit.hear(announcement(1, 0, Trajectory::hover(1, kStart, {0.3, 0, 1}), {}, announcement_t::kNone, 2));
   EXPECT_EQ(audit.conflicts().size(), 1u);
 }
 
@@ -76,7 +75,7 @@ TEST(CommitAudit, WhatWasForcedIsTold) {
   audit.hear(announcement(0, 0, kHover0));
   ASSERT_EQ(audit.conflicts().size(), 1u);
   EXPECT_TRUE(audit.conflicts()[0].forced);
-  audit.hear(announcement(0, 6'000, Trajectory::hover(2, kStart_us, {0.1, 0, 1})));
+  audit.hear(announcement(0, 6'000, Trajectory::hover(2, kStart, {0.1, 0, 1})));
   ASSERT_EQ(audit.conflicts().size(), 2u);
   EXPECT_FALSE(audit.conflicts()[1].forced);  // long after: that is no excuse
   audit.hear(announcement(1, 0, hop, {}, announcement_t::kNone, 2, 2));
@@ -85,14 +84,14 @@ TEST(CommitAudit, WhatWasForcedIsTold) {
 
 // Where clocks differ, motions are compared at the same moments.
 TEST(CommitAudit, TimesAreSetBackByTheClocksOffset) {
-  for (const std::int64_t offset_us : {0, 400'000}) {
+  for (const Duration offset : {0ms, 400ms}) {
     CommitAudit audit;  // one after the other through the same place; by the second's clock, at once
-    const Trajectory first = flight(Trajectory::hover(1, kStart_us, {-2, 0, 1}), {2, 0, 1});
-    Trajectory second = flight(Trajectory::hover(1, kStart_us, {0, -2, 1}), {0, 2, 1});
-    second.shift(400'000);
+    const Trajectory first = flight(Trajectory::hover(1, kStart, {-2, 0, 1}), {2, 0, 1});
+    Trajectory second = flight(Trajectory::hover(1, kStart, {0, -2, 1}), {0, 2, 1});
+    second.shift(400ms);
     audit.hear(announcement(0, 0, first));
-    audit.hear(announcement(1, 0, second), offset_us);
-    EXPECT_EQ(audit.conflicts().size(), offset_us == 0 ? 0u : 1u);
+    audit.hear(announcement(1, 0, second), offset);
+    EXPECT_EQ(audit.conflicts().size(), offset == 0ms ? 0u : 1u);
   }
 }
 
@@ -130,8 +129,8 @@ TEST(CommitAudit, ALogOfAFlightOverABadLinkIsClean) {
 TEST(CommitAudit, ConflictsInALogAreNamed) {
   const TemporaryDirectory directory;
   BusLog logs(directory.path(), {0, 1});
-  logs.write(BusId::kSwarm, 0, kStart_us, channel::kTrajectory, announcement(0, 0, kHover0));
-  logs.write(BusId::kSwarm, 0, kStart_us, channel::kTrajectory, announcement(1, 1, flight(kHover1, {0.3, 0, 1})));
+  logs.write(BusId::kSwarm, 0, kStart, channel::kTrajectory, announcement(0, 0, kHover0));
+  logs.write(BusId::kSwarm, 0, kStart, channel::kTrajectory, announcement(1, 1, flight(kHover1, {0.3, 0, 1})));
   logs.close();
   const Finished found = run_program({"swarm_sim", "audit", (directory.path() / "swarm.lcm").string()});
   EXPECT_EQ(found.exit_code, 1);

@@ -13,7 +13,7 @@ namespace swarm::test {
 namespace {
 
 struct Written {
-  std::int64_t utime;
+  Utime utime;
   std::string channel;
   Bytes bytes;
 };
@@ -24,11 +24,11 @@ std::vector<Written> write_log(const std::string& path, int events) {
   lcm::LogFile log(path, "w");
   std::vector<Written> all;
   for (int i = 0; i < events; ++i) {
-    Written written{1'000'000 + i * 1000, "CHANNEL_" + std::to_string(i % 3), Bytes(random() % 200)};
+    Written written{Utime(1s + i * 1ms), "CHANNEL_" + std::to_string(i % 3), Bytes(random() % 200)};
     for (std::uint8_t& byte : written.bytes) byte = static_cast<std::uint8_t>(random());
     if (i % 7 == 0) written.bytes = {0xED, 0xA1, 0xDA, 0x01, 0xED, 0xA1};
     lcm::LogEvent event{};
-    event.timestamp = written.utime;
+    event.timestamp = to_us(written.utime);
     event.channel = written.channel;
     event.datalen = static_cast<std::int32_t>(written.bytes.size());
     event.data = written.bytes.data();

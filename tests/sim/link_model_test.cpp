@@ -12,9 +12,9 @@ namespace {
 
 constexpr int kDatagrams = 20'000;
 
-std::vector<std::vector<std::int64_t>> sent(const LinkOptions& options, std::uint64_t seed = 1) {
+std::vector<std::vector<Duration>> sent(const LinkOptions& options, std::uint64_t seed = 1) {
   LinkModel link(options, seed);
-  std::vector<std::vector<std::int64_t>> all;
+  std::vector<std::vector<Duration>> all;
   for (int i = 0; i < kDatagrams; ++i) {
     const auto delays = link.deliveries(0, 1, 0.001 * i);
     all.emplace_back(delays.begin(), delays.end());
@@ -22,14 +22,14 @@ std::vector<std::vector<std::int64_t>> sent(const LinkOptions& options, std::uin
   return all;
 }
 
-double share(const std::vector<std::vector<std::int64_t>>& all,
-             const std::function<bool(const std::vector<std::int64_t>&)>& of) {
+double share(const std::vector<std::vector<Duration>>& all,
+             const std::function<bool(const std::vector<Duration>&)>& of) {
   return static_cast<double>(std::count_if(all.begin(), all.end(), of)) / kDatagrams;
 }
 
 TEST(LinkModel, APerfectLinkDeliversAtOnce) {
   EXPECT_TRUE(LinkOptions().perfect());
-  for (const auto& delays : sent({})) ASSERT_EQ(delays, std::vector<std::int64_t>{0});
+  for (const auto& delays : sent({})) ASSERT_EQ(delays, std::vector<Duration>{0us});
 }
 
 TEST(LinkModel, LosesDoublesAndHoldsBackTheSharesAskedFor) {
@@ -43,30 +43,30 @@ TEST(LinkModel, LosesDoublesAndHoldsBackTheSharesAskedFor) {
 
   LinkOptions held;
   held.reorder = 0.1;
-  EXPECT_NEAR(share(sent(held), [](const auto& delays) { return delays.at(0) > 0; }), 0.1, 0.01);
-  for (const auto& delays : sent(held)) ASSERT_LE(delays.at(0), 1'000 * LinkOptions::kHeldBack_ms);
+  EXPECT_NEAR(share(sent(held), [](const auto& delays) { return delays.at(0) > 0us; }), 0.1, 0.01);
+  for (const auto& delays : sent(held)) ASSERT_LE(to_ms(delays.at(0)), LinkOptions::kHeldBack_ms);
 }
 
 TEST(LinkModel, DelaysAreUniformWithinTheJitter) {
   LinkOptions options;
   options.delay_ms = 100;
   options.jitter_ms = 50;
-  double mean_us = 0.0;
-  std::int64_t least = INT64_MAX, most = 0;
+  double mean_ms = 0.0;
+  Duration least = Duration::max(), most{};
   for (const auto& delays : sent(options)) {
     ASSERT_EQ(delays.size(), 1u);
-    mean_us += static_cast<double>(delays[0]) / kDatagrams;
+    mean_ms += to_ms(delays[0]) / kDatagrams;
     least = std::min(least, delays[0]);
     most = std::max(most, delays[0]);
   }
-  EXPECT_NEAR(mean_us, 100'000, 1'000);
-  EXPECT_GE(least, 50'000);
-  EXPECT_LT(least, 50'500);
-  EXPECT_LE(most, 150'000);
-  EXPECT_GT(most, 149'500);
+  EXPECT_NEAR(mean_ms, 100.0, 1.0);
+  EXPECT_GE(least, 50ms);
+  EXPECT_LT(least, 50'500us);
+  EXPECT_LE(most, 150ms);
+  EXPECT_GT(most, 149'500us);
 
   options.delay_ms = 10;  // none arrives before it was sent
-  for (const auto& delays : sent(options)) ASSERT_GE(delays.at(0), 0);
+  for (const auto& delays : sent(options)) ASSERT_GE(delays.at(0), 0us);
 }
 
 TEST(LinkModel, InAnOutageARobotNeitherSendsNorReceives) {

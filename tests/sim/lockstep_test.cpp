@@ -89,27 +89,28 @@ void expect_flyable(const Flight& flight) {
   }
 }
 
-// Calls `read(timestamp, channel, bytes)` for every event; times must not go back.
+// Calls `read(utime, channel, bytes)` for every event; times must not go back.
 void read_log(const fs::path& path,
-              const std::function<void(std::int64_t, const std::string&, std::span<const std::uint8_t>)>& read) {
+              const std::function<void(Utime, const std::string&, std::span<const std::uint8_t>)>& read) {
   lcm::LogFile log(path.string(), "r");
   ASSERT_TRUE(log.good()) << path;
-  std::int64_t before = 0;
+  Utime before{};
   while (const lcm::LogEvent* event = log.readNextEvent()) {
-    ASSERT_GE(event->timestamp, before);
-    before = event->timestamp;
-    read(event->timestamp, event->channel,
+    const Utime utime = to_utime(event->timestamp);
+    ASSERT_GE(utime, before);
+    before = utime;
+    read(utime, event->channel,
          {static_cast<const std::uint8_t*>(event->data), static_cast<std::size_t>(event->datalen)});
   }
 }
 
 template <class T>
-void expect_message(std::span<const std::uint8_t> bytes, std::int64_t timestamp) {
+void expect_message(std::span<const std::uint8_t> bytes, Utime sent) {
   T message;
   const Refusal refusal = decode(bytes, &message);
   ASSERT_EQ(refusal, Refusal::kNone) << to_string(refusal);
-  EXPECT_LE(message.header.utime, timestamp);
-  EXPECT_GT(message.header.utime, timestamp - 100'000);
+  EXPECT_LE(to_utime(message.header.utime), sent);
+  EXPECT_GT(to_utime(message.header.utime), sent - 100ms);
 }
 
 TEST(Lockstep, FourRobotsAmongObstaclesArrive) {
@@ -158,7 +159,7 @@ TEST(Lockstep, TheSameRunGivesTheSameBytes) {
 TEST(Lockstep, LogsHoldEveryMessageAndWhatWasAnnouncedIsWhatWasFlown) {
   const Flight flight(circle(2, 2.5, 3, 4));
   using namespace sogm_swarm;
-  const std::map<std::string, std::function<void(std::span<const std::uint8_t>, std::int64_t)>> channels = {
+  const std::map<std::string, std::function<void(std::span<const std::uint8_t>, Utime)>> channels = {
       {channel::kRobotState, expect_message<robot_state_t>},
       {channel::kObstacles, expect_message<obstacles_t>},
       {channel::kGoal, expect_message<goal_t>},
@@ -175,7 +176,7 @@ TEST(Lockstep, LogsHoldEveryMessageAndWhatWasAnnouncedIsWhatWasFlown) {
   for (const WorldRobot& robot : flight.world.robots) {
     std::set<std::string> seen;
     read_log(flight.directory / ("robot" + std::to_string(robot.id) + ".lcm"),
-             [&](std::int64_t time, const std::string& channel, std::span<const std::uint8_t> bytes) {
+             [&](Utime time, const std::string& channel, std::span<const std::uint8_t> bytes) {
                const auto check = channels.find(channel);
                SCOPED_TRACE(channel);
                ASSERT_NE(check, channels.end());
@@ -186,11 +187,11 @@ TEST(Lockstep, LogsHoldEveryMessageAndWhatWasAnnouncedIsWhatWasFlown) {
     EXPECT_EQ(seen.size(), channels.size());
   }
   struct Announced {
-    std::int64_t time_us;
+    Utime time;
     Motion motion;
   };
   std::map<int, std::vector<Announced>> announced;
-  read_log(flight.directory / "swarm.lcm", [&](std::int64_t time, const std::string& channel, auto bytes) {
+  read_log(flight.directory / "swarm.lcm", [&](Utime time, const std::string& channel, auto bytes) {
     announcement_t message;
     ASSERT_EQ(channel, channel::kTrajectory);
     ASSERT_EQ(decode(bytes, &message), Refusal::kNone);
@@ -209,10 +210,10 @@ TEST(Lockstep, LogsHoldEveryMessageAndWhatWasAnnouncedIsWhatWasFlown) {
     std::size_t newest = 0;
     std::set<std::int32_t> flown;
     for (const Row& row : trace.at(robot)) {
-      const std::int64_t time_us = 1'000'000'000'000'000 + std::llround(1e6 * row.t_s);
-      while (newest + 1 < said.size() && said[newest + 1].time_us < time_us) ++newest;
-      if (said[newest].time_us > time_us) continue;
-      const MotionState state = said[newest].motion.at(time_us);
+      const Utime time = Utime(1'000'000'000s) + to_duration(row.t_s);
+      while (newest + 1 < said.size() && said[newest + 1].time < time) ++newest;
+      if (said[newest].time > time) continue;
+      const MotionState state = said[newest].motion.at(time);
       flown.insert(said[newest].motion.committed.seq());
       ASSERT_LT((state.position - row.position).norm(), 3e-6) << "robot " << robot << ", " << row.t_s << " s";
       ASSERT_LT((state.velocity - row.velocity).norm(), 1e-4) << "robot " << robot << ", " << row.t_s << " s";

@@ -3,12 +3,11 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
-#include <cmath>
 #include <iterator>
-#include <limits>
 #include <random>
 
 #include "swarm_sim/results/report.h"
+#include "tests/support/start_time.h"
 
 namespace swarm {
 namespace {
@@ -48,7 +47,7 @@ TEST_F(RunFiles, WhatIsNotClosedLeavesNothing) {
   {
     TraceWriter trace(directory_ / "trace.csv");
     BusLog log(directory_, {0, 3});
-    log.write(BusId::kSwarm, 0, 1, "A", {});
+    log.write(BusId::kSwarm, 0, Utime(1us), "A", {});
     EXPECT_FALSE(fs::is_empty(directory_));
   }
   EXPECT_TRUE(fs::is_empty(directory_));
@@ -62,7 +61,7 @@ TEST_F(RunFiles, LogsHoldEveryEventWithItsTimeOnItsBus) {
   struct Event {
     BusId bus;
     int robot;
-    std::int64_t utime;
+    Utime utime;
     std::string channel;
     std::vector<std::uint8_t> bytes;
   };
@@ -71,8 +70,8 @@ TEST_F(RunFiles, LogsHoldEveryEventWithItsTimeOnItsBus) {
   for (int i = 0; i < 500; ++i) {
     std::vector<std::uint8_t> bytes(1 + random() % 300);
     for (std::uint8_t& byte : bytes) byte = static_cast<std::uint8_t>(random());
-    events.push_back({random() % 2 != 0 ? BusId::kSwarm : BusId::kOnboard, random() % 2 != 0 ? 3 : 12,
-                      1'700'000'000'000'000 + 1000 * i, i % 3 != 0 ? "TRAJECTORY" : "SOGM", bytes});
+    events.push_back({random() % 2 != 0 ? BusId::kSwarm : BusId::kOnboard, random() % 2 != 0 ? 3 : 12, kStart + i * 1ms,
+                      i % 3 != 0 ? "TRAJECTORY" : "SOGM", bytes});
   }
   const auto record = [&] {
     BusLog log(directory_, {3, 12});
@@ -89,7 +88,7 @@ TEST_F(RunFiles, LogsHoldEveryEventWithItsTimeOnItsBus) {
     lcm::LogFile& log = e.bus == BusId::kSwarm ? swarm_log : e.robot == 3 ? log3 : log12;
     const lcm::LogEvent* read = log.readNextEvent();
     ASSERT_NE(read, nullptr);
-    EXPECT_EQ(read->timestamp, e.utime);
+    EXPECT_EQ(to_utime(read->timestamp), e.utime);
     EXPECT_EQ(read->channel, e.channel);
     const auto* data = static_cast<const std::uint8_t*>(read->data);
     EXPECT_EQ(std::vector<std::uint8_t>(data, data + read->datalen), e.bytes);

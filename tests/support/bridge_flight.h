@@ -41,7 +41,7 @@ struct Flight : Wire, Bench<BridgeNode> {
 
   sogm_swarm::setpoint_t make_setpoint(const MotionState& state, double yaw = 0.0) {
     sogm_swarm::setpoint_t setpoint{};
-    setpoint.header = make_header(kRobot, 1, setpoint_seq++, now_us);
+    setpoint.header = make_header(kRobot, 1, setpoint_seq++, now);
     Eigen::Map<Eigen::Vector3d>(setpoint.position) = state.position;
     Eigen::Map<Eigen::Vector3d>(setpoint.velocity) = state.velocity;
     Eigen::Map<Eigen::Vector3d>(setpoint.acceleration) = state.acceleration;
@@ -51,7 +51,7 @@ struct Flight : Wire, Bench<BridgeNode> {
   void say_setpoint(const MotionState& state, double yaw = 0.0) { send(channel::kSetpoint, make_setpoint(state, yaw)); }
   sogm_swarm::announcement_t make_announcement(const Trajectory& committed) {
     sogm_swarm::announcement_t message{};
-    message.header = make_header(kRobot, 1, announcement_seq++, now_us);
+    message.header = make_header(kRobot, 1, announcement_seq++, now);
     message.radius = 0.2f;
     message.committed = committed.to_wire();
     message.least_delay_us = sogm_swarm::announcement_t::kUnknown;
@@ -63,7 +63,7 @@ struct Flight : Wire, Bench<BridgeNode> {
   void fly(const Trajectory& trajectory, double seconds) {
     for (int i = 0; i < std::lround(100 * seconds); ++i) {
       if (i % 5 == 0) announce(trajectory);
-      say_setpoint(trajectory.at(now_us), 0.5);
+      say_setpoint(trajectory.at(now), 0.5);
       run_for(0.01);
     }
   }
@@ -78,7 +78,7 @@ struct Flight : Wire, Bench<BridgeNode> {
     return node.report().states_refused[static_cast<std::size_t>(refusal)];
   }
   void hear(const mavlink::Message& message) {
-    node.on_frame(now_us, message, out);
+    node.on_frame(now, message, out);
     step();
   }
   int states() const { return out.count(channel::kRobotState); }

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdint>
 #include <vector>
 
 #include "tests/support/search_scene.h"
@@ -23,13 +22,13 @@ class ExhaustiveSearch {
         limits_(limits),
         options_(options),
         primitives_(limits, options),
-        tau_(1e-6 * options.piece_us) {
+        tau_(to_seconds(options.piece)) {
     start_blocked_ = occupied_at(scene.blocked, problem.start.position, problem.start_utime);
     brake_pieces_ = static_cast<int>(std::ceil(limits.v_max_mps / (tau_ * a_lim()))) + 1;
     walk(problem.start, 0, 0.0, false);
   }
   double least_total = INFINITY;     // cost + weight * time to the goal, of the ends that come to rest freely
-  std::int64_t longest_until = -1;   // of all nodes, braking from there
+  Utime longest_until{};             // of all nodes, braking from there
   bool can_avoid_collision = false;  // some end comes to rest freely and nowhere collided
   int nodes = 0;
 
@@ -92,15 +91,15 @@ class ExhaustiveSearch {
     double cost = tau_ * (1.0 + options_.effort_weight * (to.acceleration / limits_.a_max_mps2).squaredNorm());
     for (int i = 1; i <= kSamples; ++i) {
       const Eigen::Vector3d p = evaluate_bezier(points, tau_, static_cast<double>(i) / kSamples).position;
-      const std::int64_t since = (std::int64_t{depth} * kSamples + i) * options_.piece_us / kSamples;
-      const std::int64_t utime = problem_.start_utime + since;
+      const Duration since = (depth * kSamples + i) * options_.piece / kSamples;
+      const Utime utime = problem_.start_utime + since;
       double weight = 0.0;
       if (occupied_at(scene_.inflation, p, utime)) {
         weight += options_.inflation_weight;
         if (occupied_at(scene_.recently_occupied, p, utime)) weight += options_.recently_occupied_weight;
       }
       if (occupied_at(scene_.blocked, p, utime)) {
-        if (!start_blocked_ || since > static_cast<std::int64_t>(options_.leave_s * 1e6)) return INFINITY;
+        if (!start_blocked_ || since > to_duration(options_.leave_s)) return INFINITY;
         weight += options_.leave_weight;
         if (occupied_at(scene_.emergency, p, utime)) weight += 9 * options_.leave_weight;
         if (occupied_at(scene_.collision, p, utime)) weight += 90 * options_.leave_weight;
@@ -111,7 +110,7 @@ class ExhaustiveSearch {
   }
 
   // Brakes evenly, then hovers to the horizon: first blocked time.
-  std::int64_t brake(const MotionState& node, int depth) const {
+  Utime brake(const MotionState& node, int depth) const {
     SearchResult path;
     path.knots[0] = node;
     path.num_pieces = brake_pieces_;
@@ -122,8 +121,8 @@ class ExhaustiveSearch {
       path.knots[static_cast<std::size_t>(k)] = primitives_.propagate(path.knots[static_cast<std::size_t>(k) - 1], a1);
     }
     for (int i = 1; i <= (options_.num_pieces - depth) * kSamples; ++i) {
-      const std::int64_t since = (std::int64_t{depth} * kSamples + i) * options_.piece_us / kSamples;
-      if (start_blocked_ && since <= static_cast<std::int64_t>(options_.leave_s * 1e6)) continue;
+      const Duration since = (depth * kSamples + i) * options_.piece / kSamples;
+      if (start_blocked_ && since <= to_duration(options_.leave_s)) continue;
       if (occupied_at(scene_.blocked, state_at(path, tau_, i * tau_ / kSamples).position,
                       problem_.start_utime + since)) {
         return problem_.start_utime + since;
@@ -135,7 +134,7 @@ class ExhaustiveSearch {
   bool touches(const MotionState& from, const MotionState& to, int depth) const {
     const ControlPoints points = quintic_control_points(from, to, tau_);
     for (int i = 1; i <= kSamples; ++i) {
-      const std::int64_t since = (std::int64_t{depth} * kSamples + i) * options_.piece_us / kSamples;
+      const Duration since = (depth * kSamples + i) * options_.piece / kSamples;
       const Eigen::Vector3d p = evaluate_bezier(points, tau_, static_cast<double>(i) / kSamples).position;
       if (occupied_at(scene_.collision, p, problem_.start_utime + since)) return true;
     }
@@ -144,7 +143,7 @@ class ExhaustiveSearch {
 
   void walk(const MotionState& node, int depth, double cost, bool touched) {
     ++nodes;
-    const std::int64_t until = brake(node, depth);
+    const Utime until = brake(node, depth);
     longest_until = std::max(longest_until, until);
     if (depth == options_.num_pieces - brake_pieces_) {
       if (until == kNever) {

@@ -1,5 +1,5 @@
 // What the tests of nodes and programs share: messages as sensors and peers send them, a mailbox for what a node says,
-// temporary directories, and programs started and ended as an operator does.
+// and programs started and ended as an operator does.
 #pragma once
 
 #include <fcntl.h>
@@ -11,9 +11,7 @@
 
 #include <algorithm>
 #include <chrono>
-#include <cmath>
 #include <cstdint>
-#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <functional>
@@ -27,7 +25,10 @@
 #include <vector>
 
 #include "lcmtypes/bus/node.h"
+#include "lcmtypes/bus/temporary_directory.h"
+#include "lcmtypes/bus/time.h"
 #include "planner_daemon/trajectory/trajectory.h"
+#include "tests/support/start_time.h"
 
 namespace swarm::test {
 
@@ -36,8 +37,6 @@ inline constexpr bool kSanitized = true;  // slow: no promises about time
 #else
 inline constexpr bool kSanitized = false;
 #endif
-
-inline constexpr std::int64_t kStart_us = 1'700'000'000'000'000;  // simulated time when a test begins
 
 using Bytes = std::vector<std::uint8_t>;
 
@@ -48,18 +47,17 @@ Bytes encoded(const T& message) {
   return bytes;
 }
 
-inline sogm_swarm::header_t make_header(int robot_id, std::int32_t boot, std::int64_t seq, std::int64_t utime) {
+inline sogm_swarm::header_t make_header(int robot_id, std::int32_t boot, std::int64_t seq, Utime utime) {
   sogm_swarm::header_t header{};
   header.schema_version = sogm_swarm::header_t::kSchemaVersion;
   header.robot_id = static_cast<std::int16_t>(robot_id);
   header.boot = boot;
   header.seq = seq;
-  header.utime = utime;
+  header.utime = to_us(utime);
   return header;
 }
 
-inline sogm_swarm::robot_state_t state_at(int id, const Eigen::Vector3d& position, std::int64_t seq,
-                                          std::int64_t utime) {
+inline sogm_swarm::robot_state_t state_at(int id, const Eigen::Vector3d& position, std::int64_t seq, Utime utime) {
   sogm_swarm::robot_state_t state{};
   state.header = make_header(id, 1, seq, utime);
   Eigen::Map<Eigen::Vector3d>(state.position) = position;
@@ -116,71 +114,50 @@ class Bench {
 
   void step() {
     ++steps;
-    if (wall_ahead_us != 0 && node.on_clock_step(now_us, wall_ahead_us)) now_us += std::exchange(wall_ahead_us, 0);
-    wake_us = node.step(now_us, out);
+    if (wall_ahead != 0us && node.on_clock_step(now, wall_ahead)) now += std::exchange(wall_ahead, Duration());
+    wake = node.step(now, out);
   }
   void deliver(BusId bus, std::string_view channel, std::span<const std::uint8_t> bytes) {
-    node.on_message(now_us, bus, channel, bytes, out);
+    node.on_message(now, bus, channel, bytes, out);
     step();
   }
   template <class T>
   void send(std::string_view channel, const T& message, BusId bus = BusId::kOnboard) {
     deliver(bus, channel, encoded(message));
   }
-  void run_until(std::int64_t utime) {
-    while (wake_us <= utime) {
-      ASSERT_GT(wake_us, now_us) << "the node asks for a step in the past";
-      now_us = wake_us;
+  void run_until(Utime utime) {
+    while (wake <= utime) {
+      ASSERT_GT(wake, now) << "the node asks for a step in the past";
+      now = wake;
       step();
     }
-    now_us = utime;
+    now = utime;
   }
-  void run_for(double seconds) { run_until(now_us + std::llround(seconds * 1e6)); }
+  void run_for(double seconds) { run_until(now + to_duration(seconds)); }
 
-  std::int64_t now_us = kStart_us, wake_us = 0;
-  std::int64_t wall_ahead_us = 0;  // the wall clock was stepped by this: the node is asked until it agrees
+  Utime now = kStart, wake{};
+  Duration wall_ahead{};  // the wall clock was stepped by this: the node is asked until it agrees
   int steps = 0;
   Mailbox out;
   NodeType node;
 };
 
-// From `from` at `start_utime` to rest at `to`: one quintic, cut into pieces.
-inline Trajectory quintic_to(const MotionState& from, std::int64_t start_utime, const Eigen::Vector3d& to,
-                             double seconds, int pieces = 5, std::int32_t seq = 1) {
-  const auto piece_us = static_cast<std::int32_t>(std::llround(seconds * 1e6 / pieces));
+// From `from` at `start` to rest at `to`: one quintic, cut into pieces.
+inline Trajectory quintic_to(const MotionState& from, Utime start, const Eigen::Vector3d& to, double seconds,
+                             int pieces = 5, std::int32_t seq = 1) {
+  const Duration piece = to_duration(seconds / pieces);
   MotionState rest;
   rest.position = to;
-  const double duration = 1e-6 * piece_us * pieces;
-  const ControlPoints points = quintic_control_points(from, rest, duration);
-  Trajectory trajectory(seq, start_utime, piece_us, pieces);
+  const double duration_s = to_seconds(piece) * pieces;
+  const ControlPoints points = quintic_control_points(from, rest, duration_s);
+  Trajectory trajectory(seq, start, piece, pieces);
   for (int k = 0; k < pieces; ++k) {
-    trajectory.set_knot(k, evaluate_bezier(points, duration, static_cast<double>(k) / pieces));
+    trajectory.set_knot(k, evaluate_bezier(points, duration_s, static_cast<double>(k) / pieces));
   }
   trajectory.set_knot(0, from);
   trajectory.set_knot(pieces, rest);
   return trajectory;
 }
-
-class TemporaryDirectory {
- public:
-  TemporaryDirectory() {
-    std::string pattern = (std::filesystem::temp_directory_path() / "swarm_test.XXXXXX").string();
-    if (::mkdtemp(pattern.data()) == nullptr) throw std::runtime_error(pattern + ": cannot be made");
-    path_ = pattern;
-  }
-  ~TemporaryDirectory() {
-    std::error_code ignored;
-    std::filesystem::remove_all(path_, ignored);
-  }
-  TemporaryDirectory(const TemporaryDirectory&) = delete;
-  TemporaryDirectory& operator=(const TemporaryDirectory&) = delete;
-
-  const std::filesystem::path& path() const { return path_; }
-  std::filesystem::path operator/(const std::string& name) const { return path_ / name; }
-
- private:
-  std::filesystem::path path_;
-};
 
 inline std::string read_text(const std::filesystem::path& path) {
   std::ifstream in(path, std::ios::binary);
@@ -197,7 +174,7 @@ inline bool wait_for(double seconds, const std::function<bool()>& condition) {
   const auto deadline = std::chrono::steady_clock::now() + std::chrono::duration<double>(seconds);
   while (!condition()) {
     if (std::chrono::steady_clock::now() > deadline) return false;
-    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    std::this_thread::sleep_for(10ms);
   }
   return true;
 }

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <algorithm>
-#include <cmath>
 #include <cstdint>
 
 #include "map_daemon/sogm.h"
@@ -11,14 +10,14 @@
 namespace swarm {
 
 // Window of `size_m` centred at the origin.
-inline Sogm empty_map(const Eigen::Vector3d& size_m, double resolution_m, int frames, std::int64_t start_utime,
-                      std::int64_t frame_us) {
+inline Sogm empty_map(const Eigen::Vector3d& size_m, double resolution_m, int frames, Utime start,
+                      Duration frame_duration) {
   GridGeometry geometry;
   geometry.resolution_m = resolution_m;
   geometry.size = (size_m / resolution_m).array().round().matrix().cast<int>();
   geometry.origin = -geometry.size / 2;
   Sogm sogm;
-  sogm.reset(geometry, frames, start_utime, frame_us);
+  sogm.reset(geometry, frames, start, frame_duration);
   return sogm;
 }
 
@@ -64,7 +63,7 @@ inline void mark_moving(Sogm* sogm, const Eigen::Vector3d& center, const Eigen::
   const int samples = velocity.isZero() ? 1 : 5;
   for (int frame = 0; frame < sogm->num_frames; ++frame) {
     for (int i = 0; i < samples; ++i) {
-      const double t = 1e-6 * static_cast<double>(sogm->frame_duration_us) * (frame + 0.25 * i);
+      const double t = to_seconds(sogm->frame_duration) * (frame + 0.25 * i);
       mark_ball(sogm, frame, center + t * velocity, radius_m, column);
     }
   }
@@ -84,7 +83,7 @@ inline bool holds(const Columns& columns, int x, int y) {
 // Every voxel by itself.
 inline Sogm random_bits(const Eigen::Vector3i& size, int frames, double density, double resolution_m, Rng& rng) {
   Sogm sogm;
-  sogm.reset({.resolution_m = resolution_m, .origin = {-7, 3, 1}, .size = size}, frames, 1000, 100'000);
+  sogm.reset({.resolution_m = resolution_m, .origin = {-7, 3, 1}, .size = size}, frames, to_utime(1000), 100ms);
   std::bernoulli_distribution occupied(density);
   for (int frame = 0; frame < frames; ++frame) {
     for_each_column(sogm.geometry, [&](int x, int y) {
@@ -97,9 +96,9 @@ inline Sogm random_bits(const Eigen::Vector3i& size, int frames, double density,
 }
 
 // Balls and columns, half of them moving.
-inline Sogm random_map(Rng& rng, int obstacles, const Eigen::Vector3d& size_m, int frames, std::int64_t start_utime,
-                       std::int64_t frame_us, double resolution_m = 0.1) {
-  Sogm sogm = empty_map(size_m, resolution_m, frames, start_utime, frame_us);
+inline Sogm random_map(Rng& rng, int obstacles, const Eigen::Vector3d& size_m, int frames, Utime start,
+                       Duration frame_duration, double resolution_m = 0.1) {
+  Sogm sogm = empty_map(size_m, resolution_m, frames, start, frame_duration);
   for (int i = 0; i < obstacles; ++i) {
     const Eigen::Vector3d center = in_box(rng, -size_m / 2, size_m / 2);
     Eigen::Vector3d velocity = i % 2 == 0 ? Eigen::Vector3d::Zero().eval() : in_cube(rng, 1.5);

@@ -10,6 +10,7 @@
 #include <type_traits>
 
 #include "lcmtypes/bus/codec.h"
+#include "tests/support/start_time.h"
 
 namespace swarm::random_messages {
 
@@ -46,7 +47,7 @@ inline header_t make_header(Random& random) {
   header.robot_id = static_cast<std::int16_t>(integer(random, 0, 32767));
   header.boot = integer(random, 0, std::numeric_limits<std::int32_t>::max());
   header.seq = integer(random, 0, 1 << 30);
-  header.utime = 1'700'000'000'000'000 + integer(random, 0, 1 << 30);
+  header.utime = to_us(kStart) + integer(random, 0, 1 << 30);
   return header;
 }
 

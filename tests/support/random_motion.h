@@ -20,6 +20,10 @@ inline int uniform_int(Rng& rng, int low, int high) {
   return std::uniform_int_distribution<int>(low, high)(rng);
 }
 
+inline Duration uniform_duration(Rng& rng, Duration low, Duration high) {
+  return Duration(uniform_int(rng, static_cast<int>(low.count()), static_cast<int>(high.count())));
+}
+
 inline Eigen::Vector3d in_box(Rng& rng, const Eigen::Vector3d& low, const Eigen::Vector3d& high) {
   Eigen::Vector3d p;
   for (int axis = 0; axis < 3; ++axis) p[axis] = uniform(rng, low[axis], high[axis]);
@@ -45,10 +49,10 @@ inline MotionState random_state(Rng& rng, double half_m, double speed_mps, doubl
 }
 
 // From `start` through random knots within `half_m` of the origin to rest.
-inline Trajectory random_trajectory(Rng& rng, std::int32_t seq, std::int64_t start_utime, const MotionState& start,
+inline Trajectory random_trajectory(Rng& rng, std::int32_t seq, Utime start_utime, const MotionState& start,
                                     double half_m) {
   const int pieces = uniform_int(rng, 1, Trajectory::kMaxPieces);
-  Trajectory trajectory(seq, start_utime, uniform_int(rng, 100'000, 400'000), pieces);
+  Trajectory trajectory(seq, start_utime, uniform_duration(rng, 100ms, 400ms), pieces);
   trajectory.set_knot(0, start);
   for (int i = 1; i <= pieces; ++i) {
     MotionState knot = random_state(rng, 1.5 * trajectory.piece_s(), 1.5, i < pieces ? 4.0 : 0.0);
@@ -61,12 +65,12 @@ inline Trajectory random_trajectory(Rng& rng, std::int32_t seq, std::int64_t sta
 }
 
 // Starts at `start_utime` at rest; half of them have a `next` that leaves `committed` anywhere, also after its end.
-inline Motion random_motion(Rng& rng, std::int64_t start_utime, double half_m) {
+inline Motion random_motion(Rng& rng, Utime start_utime, double half_m) {
   Motion motion;
   motion.committed = random_trajectory(rng, 1, start_utime, random_state(rng, half_m, 0, 0), half_m);
   if (uniform_int(rng, 0, 1) == 1) {
-    const std::int64_t length = motion.committed.end_utime() - start_utime;
-    const std::int64_t leave = start_utime + static_cast<std::int64_t>(uniform(rng, 0.0, 1.2) * length);
+    const Duration length = motion.committed.end_utime() - start_utime;
+    const Utime leave = start_utime + to_duration(uniform(rng, 0.0, 1.2) * to_seconds(length));
     motion.next = random_trajectory(rng, 2, leave, motion.committed.at(leave), half_m);
   }
   return motion;
@@ -80,7 +84,7 @@ inline std::ostream& operator<<(std::ostream& out, const MotionState& state) {
 
 inline std::ostream& operator<<(std::ostream& out, const Trajectory& trajectory) {
   if (trajectory.empty()) return out << "none";
-  out << "start " << trajectory.start_utime() << " us, pieces of " << trajectory.piece_us() << " us";
+  out << "start " << to_us(trajectory.start_utime()) << " us, pieces of " << trajectory.piece().count() << " us";
   for (int i = 0; i <= trajectory.num_pieces(); ++i) out << "\n  " << trajectory.knot(i);
   return out;
 }

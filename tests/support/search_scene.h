@@ -4,8 +4,6 @@
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
-#include <cstdint>
-#include <limits>
 #include <sstream>
 #include <string>
 
@@ -14,11 +12,10 @@
 #include "planner_daemon/search/kinodynamic_search.h"
 #include "tests/support/random_map.h"
 #include "tests/support/random_motion.h"
+#include "tests/support/start_time.h"
 
 namespace swarm {
 
-inline constexpr std::int64_t kStart = 1'700'000'000'000'000;
-inline constexpr std::int64_t kNever = std::numeric_limits<std::int64_t>::max();
 inline constexpr double kBlocked_m = 0.3, kInflation_m = 0.15, kEmergency_m = 0.23, kCollision_m = 0.16;
 inline constexpr int kSamples = kBlockSamples;  // of a primitive, at the speeds and resolutions of these tests
 
@@ -33,8 +30,7 @@ struct Scene {
                .inflation_m = kInflation_m,
                .recently_occupied_s = recently_occupied_s}) {
     Sogm recently = occupied;
-    const auto frames_back =
-        static_cast<int>(std::llround(1e6 * recently_occupied_s / static_cast<double>(map.frame_duration_us)));
+    const auto frames_back = static_cast<int>(std::lround(recently_occupied_s / to_seconds(map.frame_duration)));
     for (int frame = 0; frame < map.num_frames; ++frame) {
       for (int before = std::max(0, frame - frames_back); before < frame; ++before) {
         for (int i = 0; i < map.geometry.words_per_frame(); ++i)
@@ -48,14 +44,14 @@ struct Scene {
     dilate(occupied, kCollision_m, &collision);
     space.compose(occupied, {}, {});
   }
-  SearchProblem problem(const MotionState& start, std::int64_t start_utime, const Eigen::Vector3d& goal) const {
+  SearchProblem problem(const MotionState& start, Utime start_utime, const Eigen::Vector3d& goal) const {
     return {start, start_utime, goal, &space};
   }
   Sogm occupied, blocked, recently_occupied, inflation, emergency, collision;
   mutable ConfigurationSpace space;  // works itself out while it is looked at
 };
 
-inline bool occupied_at(const Sogm& sogm, const Eigen::Vector3d& position, std::int64_t utime) {
+inline bool occupied_at(const Sogm& sogm, const Eigen::Vector3d& position, Utime utime) {
   return sogm.occupied(sogm.frame_at(utime), sogm.geometry.voxel_of(position));
 }
 
@@ -90,8 +86,8 @@ inline MotionState state_at(const SearchResult& result, double tau, double t) {
 inline std::string describe(const SearchProblem& problem, const SearchResult& result, SearchStatus status) {
   std::ostringstream out;
   out.precision(17);
-  out << to_string(status) << ", start " << problem.start << " at " << problem.start_utime - kStart << " us, goal "
-      << problem.goal.transpose() << ", " << result.expansions << " expansions";
+  out << to_string(status) << ", start " << problem.start << " at " << (problem.start_utime - kStart).count()
+      << " us, goal " << problem.goal.transpose() << ", " << result.expansions << " expansions";
   for (int k = 0; k <= result.num_pieces; ++k) out << "\n  " << result.knots[static_cast<std::size_t>(k)];
   return out.str();
 }

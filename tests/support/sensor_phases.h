@@ -17,21 +17,22 @@ namespace swarm::test {
 inline void expect_sensor_phases(const std::filesystem::path& log_path, int index, double share = 1.0) {
   LcmLog log(log_path);
   int states = 0, detections = 0, goals = 0, off_state = 0, off_detection = 0, off_goal = 0;
-  std::int64_t first_goal_us = 0;
+  Duration first_goal{};
+  const auto time_of = [](const auto& message) { return Duration(message.header.utime); };
   for (LogEvent event; log.next(&event);) {
     if (sogm_swarm::robot_state_t state;
         event.channel == channel::kRobotState && decode(event.bytes, &state) == Refusal::kNone) {
       ++states;
-      off_state += state.header.utime % 10'000 != 0;
+      off_state += time_of(state) % 10ms != 0ms;
     }
     if (sogm_swarm::obstacles_t obstacles;
         event.channel == channel::kObstacles && decode(event.bytes, &obstacles) == Refusal::kNone) {
       const bool is_first = detections++ == 0;  // comes at once
-      off_detection += !is_first && (obstacles.header.utime + 10'000 * index) % 50'000 != 0;
+      off_detection += !is_first && (time_of(obstacles) + index * 10ms) % 50ms != 0ms;
     }
     if (sogm_swarm::goal_t goal; event.channel == channel::kGoal && decode(event.bytes, &goal) == Refusal::kNone) {
-      if (goals++ == 0) first_goal_us = goal.header.utime;
-      off_goal += (goal.header.utime - first_goal_us) % 1'000'000 != 0;
+      if (goals++ == 0) first_goal = time_of(goal);
+      off_goal += (time_of(goal) - first_goal) % 1s != 0s;
     }
   }
   EXPECT_EQ(off_state, 0) << "of " << states;

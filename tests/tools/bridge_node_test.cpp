@@ -11,7 +11,7 @@ using sogm_swarm::setpoint_t;
 
 TEST(Bridge, SaysThatItIsThereAndNothingElseBeforeASetpoint) {
   Flight flight;
-  flight.announce(Trajectory::hover(1, flight.now_us, {0, 0, 1}));
+  flight.announce(Trajectory::hover(1, flight.now, {0, 0, 1}));
   flight.run_for(5.0);
   EXPECT_EQ(flight.targets(), 0u);
   ASSERT_EQ(flight.autopilot.heartbeats.size(), 6u);
@@ -92,7 +92,7 @@ TEST(Bridge, RefusesBadSetpointsAndCountsThem) {
 TEST(Bridge, RefusesBadAnnouncements) {
   Flight flight;
   const auto send = [&](const std::function<void(announcement_t&)>& spoil) {
-    announcement_t message = flight.make_announcement(Trajectory::hover(1, flight.now_us, {0, 0, 1}));
+    announcement_t message = flight.make_announcement(Trajectory::hover(1, flight.now, {0, 0, 1}));
     spoil(message);
     flight.send(channel::kOwnTrajectory, message);
   };
@@ -112,21 +112,21 @@ TEST(Bridge, RefusesBadAnnouncements) {
 
 TEST(Bridge, FollowsTheCommittedTrajectoryWithoutSetpoints) {
   Flight flight;
-  const Trajectory trajectory = quintic_to(at_rest({0, 0, 1}), flight.now_us, {2, 1, 1.5}, 3.0);
+  const Trajectory trajectory = quintic_to(at_rest({0, 0, 1}), flight.now, {2, 1, 1.5}, 3.0);
   flight.fly(trajectory, 1.0);
-  const std::int64_t last_setpoint_us = flight.now_us - 10'000, began_us = kStart_us;
+  const Utime last_setpoint = flight.now - 10ms;
   ASSERT_EQ(flight.targets(), 100u);
-  flight.run_until(last_setpoint_us + 49'999);
+  flight.run_until(last_setpoint + 49'999us);
   ASSERT_EQ(flight.targets(), 100u);
   EXPECT_EQ(flight.node.report().led_by, LedBy::kSetpoints);
-  flight.run_until(last_setpoint_us + 50'000);
+  flight.run_until(last_setpoint + 50ms);
   ASSERT_EQ(flight.targets(), 101u);
   EXPECT_EQ(flight.node.report().led_by, LedBy::kTrajectory);
   flight.run_for(1.5);
   EXPECT_NEAR(static_cast<double>(flight.node.report().samples), 150, 1);
   for (std::size_t i = 1; i < flight.targets(); ++i) {
     const auto &before = flight.autopilot.targets[i - 1], &target = flight.autopilot.targets[i];
-    const std::int64_t utime = began_us + 1000 * std::int64_t{target.time_boot_ms};
+    const Utime utime = kStart + target.time_boot_ms * 1ms;
     const MotionState state = trajectory.at(utime);
     ASSERT_LT((flight.place_of(target) - state.position).norm(), 1e-6) << i;
     ASSERT_NEAR(target.velocity[0], state.velocity.x(), 1e-6) << i;
@@ -148,11 +148,11 @@ TEST(Bridge, FollowsTheCommittedTrajectoryWithoutSetpoints) {
 // A setpoint that comes when the trajectory was sampled beyond it says that there are setpoints, and no more.
 TEST(Bridge, LeadsNobodyBackwards) {
   Flight flight;
-  const Trajectory trajectory = quintic_to(at_rest({0, 0, 1}), flight.now_us, {2, 1, 1.5}, 3.0);
+  const Trajectory trajectory = quintic_to(at_rest({0, 0, 1}), flight.now, {2, 1, 1.5}, 3.0);
   flight.fly(trajectory, 0.5);
   flight.run_for(0.3);
   const std::size_t targets = flight.targets();
-  setpoint_t late = flight.make_setpoint(trajectory.at(flight.now_us - 20'000));
+  setpoint_t late = flight.make_setpoint(trajectory.at(flight.now - 20ms));
   late.header.utime -= 20'000;
   flight.send(channel::kSetpoint, late);
   EXPECT_EQ(flight.targets(), targets);
@@ -165,13 +165,13 @@ TEST(Bridge, LeadsNobodyBackwards) {
 TEST(Bridge, FollowsWhatIsCommittedNextAndNotWhatIsMerelyAnnounced) {
   for (const bool committed : {false, true}) {
     Flight flight;
-    const Trajectory first = Trajectory::hover(1, flight.now_us, {0, 0, 1});
-    Trajectory next = quintic_to(at_rest({0, 0, 1}), flight.now_us + 300'000, {1, 0, 1}, 1.0);
+    const Trajectory first = Trajectory::hover(1, flight.now, {0, 0, 1});
+    Trajectory next = quintic_to(at_rest({0, 0, 1}), flight.now + 300ms, {1, 0, 1}, 1.0);
     next.set_seq(2);
     announcement_t message = flight.make_announcement(first);
     message.pending = next.to_wire();
     message.pending_state = committed ? announcement_t::kCommitted : announcement_t::kAnnounced;
-    message.pending_stamp = flight.now_us;
+    message.pending_stamp = to_us(flight.now);
     flight.send(channel::kOwnTrajectory, message);
     flight.say_setpoint(at_rest({0, 0, 1}));
     flight.run_for(1.4);
@@ -184,9 +184,9 @@ TEST(Bridge, FollowsWhatIsCommittedNextAndNotWhatIsMerelyAnnounced) {
 
 TEST(Bridge, StopsAfterTheEndAtRest) {
   Flight flight;
-  const Trajectory trajectory = quintic_to(at_rest({0, 0, 1}), flight.now_us, {2, 1, 1.5}, 3.0);
+  const Trajectory trajectory = quintic_to(at_rest({0, 0, 1}), flight.now, {2, 1, 1.5}, 3.0);
   flight.fly(trajectory, 0.5);
-  flight.run_until(trajectory.end_utime() + 999'999);  // long after the time-out
+  flight.run_until(trajectory.end_utime() + 999'999us);  // long after the time-out
   EXPECT_EQ(flight.node.report().led_by, LedBy::kTrajectory);
   EXPECT_LT((flight.place_of(flight.autopilot.targets.back()) - Eigen::Vector3d(2, 1, 1.5)).norm(), 1e-6);
   EXPECT_EQ(flight.autopilot.targets.back().velocity, (std::array<float, 3>{0, 0, 0}));
@@ -196,7 +196,7 @@ TEST(Bridge, StopsAfterTheEndAtRest) {
   EXPECT_EQ(flight.targets(), targets);
   EXPECT_EQ(flight.autopilot.heartbeats.size(), heartbeats + 10);  // itself it is there
 
-  flight.announce(Trajectory::hover(2, flight.now_us, {5, 5, 1}));  // no reason to lead the robot again
+  flight.announce(Trajectory::hover(2, flight.now, {5, 5, 1}));  // no reason to lead the robot again
   flight.run_for(1.0);
   EXPECT_EQ(flight.targets(), targets);
   flight.say_setpoint(at_rest({2, 1, 1.5}));
@@ -208,18 +208,18 @@ TEST(Bridge, WhereTheRobotRestsItStopsAfterTheTimeout) {
   BridgeConfig config = make_config();
   config.timeout_s = 2.0;
   Flight flight(config);
-  flight.fly(Trajectory::hover(1, flight.now_us, {0, 0, 1}), 0.5);
-  const std::int64_t last_us = flight.now_us - 10'000;
-  flight.run_until(last_us + 2'999'999);
+  flight.fly(Trajectory::hover(1, flight.now, {0, 0, 1}), 0.5);
+  const Utime last = flight.now - 10ms;
+  flight.run_until(last + 2'999'999us);
   EXPECT_EQ(flight.node.report().led_by, LedBy::kTrajectory);
-  flight.run_until(last_us + 3'000'000);
+  flight.run_until(last + 3s);
   EXPECT_EQ(flight.node.report().led_by, LedBy::kEnded);
 }
 
 TEST(Bridge, GoesOnWhileTheBroadcastDaemonAnnounces) {
   Flight flight;
-  const Trajectory hover = Trajectory::hover(1, flight.now_us, {0, 0, 1});
-  flight.say_setpoint(hover.at(flight.now_us));
+  const Trajectory hover = Trajectory::hover(1, flight.now, {0, 0, 1});
+  flight.say_setpoint(hover.at(flight.now));
   for (int i = 0; i < 100; ++i) {
     flight.announce(hover);
     flight.run_for(0.1);
@@ -234,17 +234,17 @@ TEST(Bridge, WithoutATrajectoryThereIsNothingToFollow) {
   flight.run_for(1.0);
   EXPECT_EQ(flight.targets(), 1u);
   EXPECT_EQ(flight.node.report().led_by, LedBy::kLost);
-  flight.announce(Trajectory::hover(1, flight.now_us, {0, 0, 1}));
+  flight.announce(Trajectory::hover(1, flight.now, {0, 0, 1}));
   EXPECT_EQ(flight.targets(), 2u);
 }
 
 TEST(Bridge, AClockThatIsSetBackStopsNothing) {
   Flight flight;
-  flight.fly(Trajectory::hover(1, flight.now_us, {0, 0, 1}), 0.5);
-  flight.now_us -= 3600'000'000;
+  flight.fly(Trajectory::hover(1, flight.now, {0, 0, 1}), 0.5);
+  flight.now -= 1h;
   const std::size_t targets = flight.targets();
   flight.step();
-  flight.fly(Trajectory::hover(2, flight.now_us, {0, 0, 1}), 3.0);
+  flight.fly(Trajectory::hover(2, flight.now, {0, 0, 1}), 3.0);
   EXPECT_GE(flight.targets(), targets + 299);
   EXPECT_EQ(flight.autopilot.heartbeats.size(), 4u);
   flight.run_for(0.1);
@@ -254,13 +254,13 @@ TEST(Bridge, AClockThatIsSetBackStopsNothing) {
 // Without setpoints the bridge flies on by itself, whatever becomes of the clock.
 TEST(Bridge, TheCommittedTrajectoryGoesOnWhenTheClockIsSetBack) {
   Flight flight;
-  const Trajectory trajectory = quintic_to(at_rest({0, 0, 1}), flight.now_us, {3, 0, 1}, 3.0);
-  const std::int64_t start_us = flight.now_us;
+  const Trajectory trajectory = quintic_to(at_rest({0, 0, 1}), flight.now, {3, 0, 1}, 3.0);
+  const Utime start = flight.now;
   flight.fly(trajectory, 0.5);
   flight.run_for(0.5);
   ASSERT_EQ(flight.node.report().led_by, LedBy::kTrajectory);
   const std::size_t targets = flight.targets();
-  flight.now_us -= 5'000'000;
+  flight.now -= 5s;
   flight.step();
   flight.run_for(1.0);
   EXPECT_NEAR(static_cast<double>(flight.targets() - targets), 100.0, 2.0);
@@ -268,30 +268,28 @@ TEST(Bridge, TheCommittedTrajectoryGoesOnWhenTheClockIsSetBack) {
     const auto& before = flight.autopilot.targets[i - 1];
     const auto& target = flight.autopilot.targets[i];
     ASSERT_GE(target.time_boot_ms, before.time_boot_ms);
-    EXPECT_LT(
-        (flight.place_of(target) - trajectory.at(start_us + 1000 * std::int64_t{target.time_boot_ms}).position).norm(),
-        0.01)
+    EXPECT_LT((flight.place_of(target) - trajectory.at(start + target.time_boot_ms * 1ms).position).norm(), 0.01)
         << target.time_boot_ms;
   }
 }
 
 // Asked, it takes no step of the clock before the robot rests, as the broadcast daemon whose setpoints it follows.
 TEST(Bridge, TakesAStepOfTheClockAtRest) {
-  for (const std::int64_t step_us : {-5'000'000, 500'000, 10'000'000}) {
-    SCOPED_TRACE(step_us);
+  for (const Duration step : {-5000ms, 500ms, 10'000ms}) {
+    SCOPED_TRACE(to_seconds(step));
     Flight flight;
-    const std::int64_t start_us = flight.now_us;
-    const Trajectory trajectory = quintic_to(at_rest({0, 0, 1}), start_us, {3, 0, 1}, 2.005);
+    const Utime start = flight.now;
+    const Trajectory trajectory = quintic_to(at_rest({0, 0, 1}), start, {3, 0, 1}, 2.005);
     flight.fly(trajectory, 1.0);
-    flight.wall_ahead_us = step_us;
+    flight.wall_ahead = step;
     flight.fly(trajectory, 1.0);
-    EXPECT_EQ(flight.now_us, start_us + 2'000'000);
+    EXPECT_EQ(flight.now, start + 2s);
     EXPECT_EQ(flight.refused(Refusal::kTime), 0);
-    flight.now_us += 5'000;
+    flight.now += 5ms;
     flight.step();
-    EXPECT_EQ(flight.wall_ahead_us, 0);
-    EXPECT_EQ(flight.now_us, start_us + 2'005'000 + step_us);
-    const Trajectory hover = Trajectory::hover(2, flight.now_us, {3, 0, 1});
+    EXPECT_EQ(flight.wall_ahead, Duration());
+    EXPECT_EQ(flight.now, start + 2005ms + step);
+    const Trajectory hover = Trajectory::hover(2, flight.now, {3, 0, 1});
     flight.fly(hover, 1.0);
     EXPECT_EQ(flight.refused(Refusal::kTime), 0);
     EXPECT_NEAR(static_cast<double>(flight.targets()), 300.0, 15.0);
@@ -300,9 +298,7 @@ TEST(Bridge, TakesAStepOfTheClockAtRest) {
       const std::int64_t since_ms = target.time_boot_ms - flight.autopilot.targets[i - 1].time_boot_ms;
       EXPECT_GE(since_ms, 0);
       EXPECT_LE(since_ms, 60);
-      EXPECT_LT((flight.place_of(target) - trajectory.at(start_us + 1000 * std::int64_t{target.time_boot_ms}).position)
-                    .norm(),
-                0.01);
+      EXPECT_LT((flight.place_of(target) - trajectory.at(start + target.time_boot_ms * 1ms).position).norm(), 0.01);
     }
     EXPECT_EQ(flight.node.report().led_by, LedBy::kSetpoints);
   }

@@ -31,7 +31,7 @@ TEST(Bridge, TellsTheRobotsState) {
   const auto state = flight.out.newest<robot_state_t>(channel::kRobotState);
   EXPECT_EQ(state.header.robot_id, kRobot);
   EXPECT_EQ(state.header.boot, kBoot);
-  EXPECT_EQ(state.header.utime, flight.now_us - 20'000);
+  EXPECT_EQ(to_utime(state.header.utime), flight.now - 20ms);
   EXPECT_EQ(Eigen::Vector3d(state.position), Eigen::Vector3d(11, -2, 3));
   EXPECT_EQ(Eigen::Vector3d(state.velocity), Eigen::Vector3d(0.5, -0.25, 0.75));
   EXPECT_EQ(state.yaw, -0.5);
@@ -86,9 +86,9 @@ TEST(Bridge, RefusesOldStatesAndNoticesARestart) {
 
 TEST(Bridge, KnowsWhetherTheControllerIsThereAndArmed) {
   Flight flight;
-  EXPECT_FALSE(flight.node.report().heartbeat_us);
+  EXPECT_FALSE(flight.node.report().heard_utime);
   flight.autopilot.report_heartbeat(false);
-  EXPECT_EQ(flight.node.report().heartbeat_us, flight.now_us);
+  EXPECT_EQ(flight.node.report().heard_utime, flight.now);
   EXPECT_FALSE(flight.node.report().armed());
   flight.autopilot.report_heartbeat(true);
   EXPECT_TRUE(flight.node.report().armed());
@@ -104,7 +104,7 @@ TEST(BridgeLog, TellsChangesOnceAndTheStateOfThingsEveryTenSeconds) {
   LinkReport link;
   const auto lines = [&] {
     std::string all;
-    for (const LogLine& line : log.update(flight.now_us, flight.node.report(), link, flight.ears))
+    for (const LogLine& line : log.update(flight.now, flight.node.report(), link, flight.ears))
       all += (line.warning ? "! " : "- ") + line.text + "\n";
     return all;
   };
@@ -116,7 +116,7 @@ TEST(BridgeLog, TellsChangesOnceAndTheStateOfThingsEveryTenSeconds) {
             "- link to 127.0.0.1:14580\n- the controller is there\n- the controller is disarmed, offboard mode\n");
   flight.autopilot.report_heartbeat(true);
   EXPECT_EQ(lines(), "- the controller is armed, offboard mode\n");
-  flight.fly(Trajectory::hover(1, flight.now_us, {0, 0, 1}), 0.5);
+  flight.fly(Trajectory::hover(1, flight.now, {0, 0, 1}), 0.5);
   EXPECT_EQ(lines(), "- following setpoints\n");
   EXPECT_EQ(lines(), "");
   flight.run_for(0.2);
@@ -132,7 +132,7 @@ TEST(BridgeLog, TellsChangesOnceAndTheStateOfThingsEveryTenSeconds) {
                            "refused from the bus: none", "states not passed on: old 2", "1 states"})
     EXPECT_NE(summary.find(part), summary.npos) << part << "\n" << summary;
   EXPECT_EQ(lines(), "");
-  flight.now_us += 1000;
+  flight.now += 1ms;
   flight.say_setpoint(at_rest({0, 0, 2.5}));
   flight.hear(mavlink::LocalPositionNed{120, {0, 0, -1}, {}});
   EXPECT_EQ(lines(),
@@ -171,7 +171,7 @@ TEST(Bridge, ARecordedFlightComesBackAsItWasMeant) {
   double farthest_m = 0.0;
   for (LogEvent event; log.next(&event);) {
     if (event.channel != channel::kSetpoint && event.channel != channel::kOwnTrajectory) continue;
-    if (flight.now_us > event.utime || setpoints == 0) flight.now_us = event.utime;  // the flight's own time
+    if (flight.now > event.utime || setpoints == 0) flight.now = event.utime;  // the flight's own time
     flight.run_until(event.utime);
     flight.deliver(BusId::kOnboard, event.channel, event.bytes);
     if (event.channel != channel::kSetpoint) continue;
@@ -185,7 +185,7 @@ TEST(Bridge, ARecordedFlightComesBackAsItWasMeant) {
     ASSERT_LT((Eigen::Vector3d(state.position) - meant).norm(), 2e-6) << setpoints;
     ASSERT_LT((Eigen::Vector3d(state.velocity) - Eigen::Vector3d(setpoint.velocity)).norm(), 1e-6) << setpoints;
     ASSERT_NEAR(std::remainder(state.yaw - setpoint.yaw, 2 * std::numbers::pi), 0.0, 1e-6) << setpoints;
-    ASSERT_EQ(state.header.utime, event.utime);
+    ASSERT_EQ(to_utime(state.header.utime), event.utime);
     farthest_m = std::max(farthest_m, (meant - world.robots[1].start).norm());
   }
   EXPECT_GT(setpoints, 400);

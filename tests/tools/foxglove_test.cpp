@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "tests/support/json_schema.h"
+#include "tests/support/start_time.h"
 
 namespace swarm::foxglove {
 namespace {
@@ -30,7 +31,7 @@ TEST(Foxglove, Base64IsTheStandardOne) {
 }
 
 TEST(Foxglove, ScenesFitTheirSchema) {
-  Json thing = entity(1'700'000'000'123'456, "thing", "robot3", 1'500'000);
+  Json thing = entity(kStart + 123'456us, "thing", "robot3", 1500ms);
   const Color color = {0.1, 0.2, 0.3, 0.4};
   const Pose pose = {{1, 2, 3}, 0.5};
   const Vector3d points[] = {{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}};
@@ -43,18 +44,18 @@ TEST(Foxglove, ScenesFitTheirSchema) {
   EXPECT_EQ(thing["timestamp"].dump(), R"({"sec":1700000000,"nsec":123456000})");
   EXPECT_EQ(thing["lifetime"].dump(), R"({"sec":1,"nsec":500000000})");
   EXPECT_EQ(thing["frame_locked"], true);
-  EXPECT_EQ(entity(1, "thing")["frame_locked"], false);
+  EXPECT_EQ(entity(kStart, "thing")["frame_locked"], false);
   EXPECT_EQ(thing["spheres"][0]["size"].dump(), R"({"x":0.4,"y":0.4,"z":0.4})");
   EXPECT_EQ(thing["cylinders"][0]["size"].dump(), R"({"x":0.4,"y":0.4,"z":2.0})");
   EXPECT_EQ(thing["lines"][0]["type"], 1) << "a loop";
   EXPECT_EQ(thing["triangles"][0]["points"].size(), 8u);
   EXPECT_EQ(thing["triangles"][0]["indices"].dump(), "[0,1,2,0,2,3,4,5,6,4,6,7]");
-  const Json all = scene(Json::array({thing}), Json::array({deletion(5, "other")}));
+  const Json all = scene(Json::array({thing}), Json::array({deletion(kStart, "other")}));
   EXPECT_EQ(misfit(schema(kSceneUpdate), all), "");
 }
 
 TEST(Foxglove, TransformsFitTheirSchema) {
-  const Json all = {{"transforms", Json::array({transform(5, "world", "robot1", {{1, 2, 3}, M_PI / 2})})}};
+  const Json all = {{"transforms", Json::array({transform(kStart, "world", "robot1", {{1, 2, 3}, M_PI / 2})})}};
   EXPECT_EQ(misfit(schema(kFrameTransforms), all), "");
   const Json& rotation = all["transforms"][0]["rotation"];
   EXPECT_NEAR(rotation["z"].get<double>(), std::sqrt(0.5), 1e-12);
@@ -65,7 +66,7 @@ TEST(Foxglove, TransformsFitTheirSchema) {
 
 TEST(Foxglove, PointCloudsFitTheirSchema) {
   const Eigen::Vector4f points[] = {{1, -2, 3, 0.5f}, {4, 5, 6, 7}};
-  const Json cloud = point_cloud(7, points);
+  const Json cloud = point_cloud(kStart, points);
   EXPECT_EQ(misfit(schema(kPointCloud), cloud), "");
   EXPECT_EQ(cloud["point_stride"], 16);
   EXPECT_EQ(cloud["fields"][3].dump(), R"({"name":"t","offset":12,"type":7})");

@@ -48,9 +48,9 @@ Counts topics_of(const McapFile& file, bool ours) {
   return counts;
 }
 
-void write_event(lcm::LogFile* log, std::int64_t utime, const std::string& channel, Bytes bytes) {
+void write_event(lcm::LogFile* log, Utime utime, const std::string& channel, Bytes bytes) {
   lcm::LogEvent event{};
-  event.timestamp = utime;
+  event.timestamp = to_us(utime);
   event.channel = channel;
   event.datalen = static_cast<std::int32_t>(bytes.size());
   event.data = bytes.data();
@@ -65,13 +65,14 @@ TEST(Lcm2Mcap, HoldsEveryMessageOfARun) {
   ASSERT_EQ(finished.exit_code, 0) << finished.err;
   EXPECT_EQ(finished.out.find("left out"), std::string::npos) << finished.out;
   Counts expected;
-  std::int64_t states = 0, first_us = 0, last_us = 0;
+  std::int64_t states = 0;
+  Utime first = kNever, last{};
   for (const char* bus : {"robot0", "robot1", "swarm"}) {
     for (const LogEvent& event : events_of(directory / (std::string(bus) + ".lcm"))) {
       ++expected[std::string("/") + bus + "/" + event.channel];
       states += event.channel == channel::kRobotState;
-      first_us = first_us == 0 ? event.utime : std::min(first_us, event.utime);
-      last_us = std::max(last_us, event.utime);
+      first = std::min(first, event.utime);
+      last = std::max(last, event.utime);
     }
   }
   const McapFile file = McapReader::read(directory / "run.mcap");
@@ -97,8 +98,8 @@ TEST(Lcm2Mcap, HoldsEveryMessageOfARun) {
   }
   EXPECT_TRUE(std::is_sorted(file.messages.begin(), file.messages.end(),
                              [](const auto& a, const auto& b) { return a.time_ns < b.time_ns; }));
-  EXPECT_EQ(file.messages.front().time_ns, static_cast<std::uint64_t>(first_us) * 1000);
-  EXPECT_EQ(file.messages.back().time_ns, static_cast<std::uint64_t>(last_us) * 1000);
+  EXPECT_EQ(file.messages.front().time_ns, static_cast<std::uint64_t>(to_us(first)) * 1000);
+  EXPECT_EQ(file.messages.back().time_ns, static_cast<std::uint64_t>(to_us(last)) * 1000);
   EXPECT_EQ(file.schemas.at(file.channels.at(file.of("/robot1/GOAL").front().channel).schema).name,
             "sogm_swarm.goal_t");
 }
@@ -118,16 +119,16 @@ TEST(Lcm2Mcap, DamageIsLeftOutAndTold) {
   const TemporaryDirectory directory;
   {
     lcm::LogFile log(directory / "log.lcm", "w");
-    const Bytes good = encoded(state_at(0, {1, 2, 3}, 1, kStart_us));
+    const Bytes good = encoded(state_at(0, {1, 2, 3}, 1, kStart));
     Bytes bad = good;
     bad.back() ^= 1;
-    write_event(&log, kStart_us, channel::kRobotState, good);
-    write_event(&log, kStart_us + 1, channel::kRobotState, bad);
-    write_event(&log, kStart_us + 2, channel::kSetpoint, good);
-    write_event(&log, kStart_us + 3, "LCM_SELF_TEST", {1, 2, 3});
-    write_event(&log, -5, channel::kRobotState, good);
-    write_event(&log, std::int64_t{1} << 60, channel::kRobotState, good);
-    write_event(&log, kStart_us + 4, channel::kRobotState, good);
+    write_event(&log, kStart, channel::kRobotState, good);
+    write_event(&log, kStart + 1us, channel::kRobotState, bad);
+    write_event(&log, kStart + 2us, channel::kSetpoint, good);
+    write_event(&log, kStart + 3us, "LCM_SELF_TEST", {1, 2, 3});
+    write_event(&log, to_utime(-5), channel::kRobotState, good);
+    write_event(&log, to_utime(std::int64_t{1} << 60), channel::kRobotState, good);
+    write_event(&log, kStart + 4us, channel::kRobotState, good);
   }
   write_text(directory / "damaged.lcm", "12345" + read_text(directory / "log.lcm"));
   const Finished finished = convert({directory / "damaged.lcm"});
@@ -145,7 +146,7 @@ TEST(Lcm2Mcap, BadInputIsNamedAndLeavesNothing) {
   const TemporaryDirectory directory;
   {
     lcm::LogFile log(directory / "log.lcm", "w");
-    write_event(&log, kStart_us, channel::kRobotState, encoded(state_at(0, {1, 2, 3}, 1, kStart_us)));
+    write_event(&log, kStart, channel::kRobotState, encoded(state_at(0, {1, 2, 3}, 1, kStart)));
   }
   const std::string log = directory / "log.lcm", out = directory / "log.mcap";
   write_text(directory / "empty.lcm", "");

@@ -56,7 +56,7 @@ const Json* entity_of(const Json& scene, const std::string& id) {
   return nullptr;
 }
 
-announcement_t announcement_of(int robot, std::int64_t seq, std::int64_t utime, const Trajectory& committed,
+announcement_t announcement_of(int robot, std::int64_t seq, Utime utime, const Trajectory& committed,
                                const Trajectory& pending = {}) {
   announcement_t message{};
   message.header = make_header(robot, 1, seq, utime);
@@ -70,20 +70,20 @@ announcement_t announcement_of(int robot, std::int64_t seq, std::int64_t utime, 
 Trajectory flight(std::int32_t seq, const Eigen::Vector3d& from, const Eigen::Vector3d& to) {
   MotionState start;
   start.position = from;
-  return quintic_to(start, kStart_us, to, 2.0, 5, seq);
+  return quintic_to(start, kStart, to, 2.0, 5, seq);
 }
 
 TEST(LogDrawing, RobotsMoveInTheWorld) {
   Canvas canvas;
-  robot_state_t state = state_at(4, {1, 2, 3}, 1, kStart_us);
+  robot_state_t state = state_at(4, {1, 2, 3}, 1, kStart);
   state.yaw = 0.6;
-  canvas.drawing.add(kStart_us, state);
+  canvas.drawing.add(kStart, state);
   const Json& transform = canvas.newest("/tf")["transforms"][0];
   EXPECT_EQ(transform["parent_frame_id"], "world");
   EXPECT_EQ(transform["child_frame_id"], "robot4");
   EXPECT_EQ(point_of(transform["translation"]), Eigen::Vector3d(1, 2, 3));
   EXPECT_NEAR(transform["rotation"]["z"].get<double>(), std::sin(0.3), 1e-12);
-  EXPECT_EQ(transform["timestamp"]["sec"], kStart_us / 1'000'000);
+  EXPECT_EQ(transform["timestamp"]["sec"], kStart.time_since_epoch() / 1s);
   const Json* const body = entity_of(canvas.newest("/robot4/scene"), "robot");
   ASSERT_NE(body, nullptr);
   EXPECT_EQ((*body)["frame_id"], "robot4");
@@ -94,11 +94,11 @@ TEST(LogDrawing, RobotsMoveInTheWorld) {
 TEST(LogDrawing, ScenesHoldTrajectoriesAndGoal) {
   Canvas canvas;
   const Trajectory committed = flight(1, {0, 0, 1}, {2, 0, 1}), pending = flight(2, {0, 0, 1}, {0, 3, 1});
-  canvas.drawing.add(kStart_us, announcement_of(2, 1, kStart_us, committed, pending));
+  canvas.drawing.add(kStart, announcement_of(2, 1, kStart, committed, pending));
   goal_t goal{};
-  goal.header = make_header(2, 1, 1, kStart_us);
+  goal.header = make_header(2, 1, 1, kStart);
   goal.position[1] = 7.0;
-  canvas.drawing.add(kStart_us, goal);
+  canvas.drawing.add(kStart, goal);
   Json scene = canvas.newest("/robot2/scene");
   const Json* const body = entity_of(scene, "robot");
   ASSERT_NE(body, nullptr);
@@ -112,7 +112,7 @@ TEST(LogDrawing, ScenesHoldTrajectoriesAndGoal) {
     const Json& points = (*entity)["lines"][0]["points"];
     ASSERT_EQ(points.size(), 31u);
     for (std::size_t i = 0; i < points.size(); ++i) {
-      const std::int64_t utime = kStart_us + trajectory->piece_us() * static_cast<std::int64_t>(i) / 6;
+      const Utime utime = kStart + i * trajectory->piece() / 6;
       EXPECT_LT((point_of(points[i]) - trajectory->at(utime).position).norm(), 1e-4);
     }
   }
@@ -122,7 +122,7 @@ TEST(LogDrawing, ScenesHoldTrajectoriesAndGoal) {
   EXPECT_TRUE(scene["deletions"].empty());
 
   // What is no longer pending goes.
-  canvas.drawing.add(kStart_us + 10, announcement_of(2, 2, kStart_us + 10, committed));
+  canvas.drawing.add(kStart + 10us, announcement_of(2, 2, kStart + 10us, committed));
   scene = canvas.newest("/robot2/scene");
   EXPECT_EQ(entity_of(scene, "pending"), nullptr);
   ASSERT_EQ(scene["deletions"].size(), 1u);
@@ -132,11 +132,12 @@ TEST(LogDrawing, ScenesHoldTrajectoriesAndGoal) {
 TEST(LogDrawing, ScenesComeWithChangesAndTenTimesASecond) {
   Canvas canvas;
   const Trajectory first = flight(1, {0, 0, 1}, {2, 0, 1}), second = flight(2, {0, 0, 1}, {2, 1, 1});
-  std::int64_t seq = 0, utime = kStart_us;
+  std::int64_t seq = 0;
+  Utime utime = kStart;
   const auto hear = [&](const Trajectory& committed) {
     const announcement_t message = announcement_of(2, ++seq, utime, committed);
     for (int copy = 0; copy < 3; ++copy) canvas.drawing.add(utime, message);
-    utime += 10'000;
+    utime += 10ms;
   };
   for (int i = 0; i < 20; ++i) hear(first);  // 0 to 190 ms
   EXPECT_EQ(canvas.count("/robot2/scene"), 2u);
@@ -149,7 +150,7 @@ TEST(LogDrawing, ScenesComeWithChangesAndTenTimesASecond) {
 TEST(LogDrawing, ObstaclesStandWhereTheyAre) {
   Canvas canvas;
   obstacles_t message{};
-  message.header = make_header(1, 1, 1, kStart_us);
+  message.header = make_header(1, 1, 1, kStart);
   const double sizes[4][3] = {{0.8, 2.0, 0.0}, {1.5, 0.2, 0.0}, {1.0, 2.0, 3.0}, {0.6, 0.0, 0.0}};
   for (std::int16_t shape = obstacle_t::kColumn; shape <= obstacle_t::kSphere; ++shape) {
     obstacle_t obstacle{};
@@ -161,7 +162,7 @@ TEST(LogDrawing, ObstaclesStandWhereTheyAre) {
     std::copy_n(sizes[shape], 3, obstacle.size);
     message.obstacles.push_back(obstacle);
   }
-  canvas.drawing.add(kStart_us, message);
+  canvas.drawing.add(kStart, message);
   const Json scene = canvas.newest("/robot1/obstacles");
   ASSERT_EQ(scene["entities"].size(), 1u);
   const Json& entity = scene["entities"][0];
@@ -182,7 +183,7 @@ TEST(LogDrawing, ObstaclesStandWhereTheyAre) {
 
   // They are one entity: what is not seen any more is gone with the next message.
   message.obstacles.resize(1);
-  canvas.drawing.add(kStart_us + 1, message);
+  canvas.drawing.add(kStart + 1us, message);
   EXPECT_EQ(canvas.newest("/robot1/obstacles")["entities"][0]["id"], entity["id"]);
   EXPECT_TRUE(canvas.newest("/robot1/obstacles")["entities"][0]["cubes"].empty());
 }
@@ -190,12 +191,12 @@ TEST(LogDrawing, ObstaclesStandWhereTheyAre) {
 TEST(LogDrawing, SetsOfVoxelsAreCubes) {
   Canvas canvas;
   obstacle_voxels_t message{};
-  message.header = make_header(1, 1, 1, kStart_us);
+  message.header = make_header(1, 1, 1, kStart);
   message.id = 9;
   message.position[2] = 1.0;
   message.resolution = 0.25;
   message.voxels = {{0, 0, 0}, {1, -2, 4}};
-  canvas.drawing.add(kStart_us, message);
+  canvas.drawing.add(kStart, message);
   const Json& entity = canvas.newest("/robot1/obstacle_voxels")["entities"][0];
   EXPECT_EQ(entity["id"], "voxels 9");
   EXPECT_EQ(entity["lifetime"]["sec"], 1);
@@ -225,9 +226,9 @@ TEST(LogDrawing, MapsAreTheirSurface) {
   SogmEncoder encoder;
   Sogm map;
   for (int i = 0; i < 9; ++i) {  // every 0.05 s
-    map = random_map(rng, 5, {4, 3, 2}, 6, kStart_us + 50'000 * i, 100'000);
-    for (const sogm_t& part : encoder.encode(map, make_header(3, 1, i, 0)))
-      canvas.drawing.add(kStart_us + 50'000 * i, part);
+    map = random_map(rng, 5, {4, 3, 2}, 6, kStart + i * 50ms, 100ms);
+    for (const sogm_t& part : encoder.encode(map, make_header(3, 1, i, Utime())))
+      canvas.drawing.add(kStart + i * 50ms, part);
   }
   EXPECT_EQ(canvas.count("/robot3/sogm"), 3u);
   std::vector<SurfaceVoxel> surface;
@@ -245,9 +246,9 @@ TEST(LogDrawing, MapsAreTheirSurface) {
 
 TEST(LogDrawing, CorridorsAreTheirPolytopes) {
   Canvas canvas;
-  canvas.drawing.add(kStart_us, state_at(5, {20, 0, 1}, 1, kStart_us));
+  canvas.drawing.add(kStart, state_at(5, {20, 0, 1}, 1, kStart));
   corridors_t message{};
-  message.header = make_header(5, 1, 1, kStart_us);
+  message.header = make_header(5, 1, 1, kStart);
   const Eigen::Vector3d middles[] = {{20, 0, 1}, {21, 1, 1}};
   for (std::int16_t piece = 0; piece < 2; ++piece) {
     for (int side = 0; side < 6; ++side) {
@@ -259,7 +260,7 @@ TEST(LogDrawing, CorridorsAreTheirPolytopes) {
     }
   }
   message.num_faces = static_cast<std::int32_t>(message.faces.size());
-  canvas.drawing.add(kStart_us, message);
+  canvas.drawing.add(kStart, message);
   const Json& triangles = canvas.newest("/robot5/corridors")["entities"][0]["triangles"];
   ASSERT_EQ(triangles.size(), 2u);
   for (std::size_t piece = 0; piece < 2; ++piece) {

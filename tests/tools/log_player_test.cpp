@@ -31,7 +31,7 @@ class Logs : public testing::Test {
 // What a browser would be shown of it.
 std::string shown(const PictureSource::Moment& moment) {
   FrameWriter writer;
-  Json all = {moment.utime, robots_json(moment.picture, moment.utime, &writer),
+  Json all = {to_us(moment.utime), robots_json(moment.picture, moment.utime, &writer),
               obstacles_json(moment.picture, moment.utime)};
   for (Json& robot : all[1]) {
     for (const auto& [id, picture] : moment.picture.robots()) {
@@ -57,7 +57,7 @@ TEST_F(Logs, IndexHoldsEverythingInOrderOfTime) {
   EXPECT_TRUE(std::is_sorted(index.entries().begin(), index.entries().end(),
                              [](const auto& a, const auto& b) { return a.utime < b.utime; }));
   EXPECT_EQ(index.skipped(), 0);
-  EXPECT_NEAR(1e-6 * static_cast<double>(index.end_us() - index.begin_us()), 3.0, 0.1);
+  EXPECT_NEAR(to_seconds(index.length()), 3.0, 0.1);
 }
 
 TEST_F(Logs, AnyTimeLooksTheSameFromWhereverOneComes) {
@@ -65,7 +65,7 @@ TEST_F(Logs, AnyTimeLooksTheSameFromWhereverOneComes) {
   LogPlayer jumping(index);
   jumping.control({{"play", false}});
   std::mt19937 random(1);
-  const double length_s = 1e-6 * static_cast<double>(index.end_us() - index.begin_us());
+  const double length_s = to_seconds(index.length());
   for (int i = 0; i < 30; ++i) {
     const double at_s = std::uniform_real_distribution<double>(0.0, length_s)(random);
     jumping.control({{"seek", at_s}});
@@ -85,7 +85,7 @@ TEST_F(Logs, PlaysToTheEndAndAgain) {
   EXPECT_TRUE(wait_for(5.0, [&] { return at_s() > 0.3; }));
   player.control({{"play", false}});
   const double paused_s = at_s();
-  std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  std::this_thread::sleep_for(50ms);
   EXPECT_EQ(at_s(), paused_s);
   EXPECT_LT(paused_s, 3.0);
   player.control({{"speed", 20.0}, {"play", true}});

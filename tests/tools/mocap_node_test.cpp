@@ -35,7 +35,7 @@ struct Capture : Bench<MocapNode> {
   explicit Capture(const MocapConfig& config = make_config()) : Bench(config, 1'700'000'000) {}
 
   void hear(const std::string& text) {
-    node.on_datagram(now_us, std::span(reinterpret_cast<const std::uint8_t*>(text.data()), text.size()), out);
+    node.on_datagram(now, std::span(reinterpret_cast<const std::uint8_t*>(text.data()), text.size()), out);
     step();
   }
   void hear(const json& t, const json& bodies) { hear(json{{"t", t}, {"bodies", bodies}}.dump()); }
@@ -64,7 +64,7 @@ TEST(Mocap, TellsWhereTheRobotIsAndHowItMoves) {
     const auto state = capture.out.newest<robot_state_t>(channel::kRobotState);
     EXPECT_EQ(capture.out.count(channel::kRobotState), 100);
     EXPECT_EQ(state.header.robot_id, 3);
-    EXPECT_EQ(state.header.utime, capture.now_us - 10'000 - 15'000);
+    EXPECT_EQ(to_utime(state.header.utime), capture.now - 10ms - 15ms);
     EXPECT_LT((Eigen::Vector3d(state.position) - (start + capture.t_s * velocity)).norm(), 1e-9);
     EXPECT_LT((Eigen::Vector3d(state.velocity) - velocity).norm(), 1e-5);
     EXPECT_NEAR(state.yaw, -2.0, 1e-12);
@@ -290,7 +290,7 @@ TEST(MocapLog, TellsChanges) {
   MocapLog log;
   const auto lines = [&] {
     std::string all;
-    for (const LogLine& line : log.update(capture.now_us, capture.node.report()))
+    for (const LogLine& line : log.update(capture.now, capture.node.report()))
       all += (line.warning ? "! " : "- ") + line.text + "\n";
     return all;
   };
@@ -313,7 +313,7 @@ TEST(Mocap, ObstaclesAreNoYoungerThanNowWhenTheClockIsSetBack) {
   capture.watch(0.3, [](double) {
     return json::array({make_body("person1", {1, 1, 1}), make_body("door", {2, 2, 1})});
   });
-  capture.now_us -= 5'000'000;
+  capture.now -= 5s;
   capture.step();
   const int before = capture.out.count(channel::kObstacles);
   const auto only_the_door = [](double) { return json::array({make_body("door", {2, 2, 1})}); };

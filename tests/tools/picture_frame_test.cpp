@@ -37,7 +37,7 @@ TEST(PictureFrame, SogmIsItsSurface) {
   GridGeometry geometry;
   geometry.size = {12, 10, 70};
   geometry.origin = {-5, 3, 0};
-  sogm.reset(geometry, 4, kStart_us, 100'000);
+  sogm.reset(geometry, 4, kStart, 100ms);
   std::mt19937 random(1);
   for (int i = 0; i < 3000; ++i) {
     const int z = static_cast<int>(random() % 70);

@@ -15,8 +15,8 @@ namespace swarm {
 
 class BridgeLog {
  public:
-  // What there is to say at `now_us`. To be called some ten times a second.
-  std::vector<LogLine> update(std::int64_t now_us, const BridgeReport& bridge, const LinkReport& link,
+  // What there is to say at `now`. To be called some ten times a second.
+  std::vector<LogLine> update(Utime now, const BridgeReport& bridge, const LinkReport& link,
                               const mavlink::Parser& parser);
 
  private:

@@ -1,6 +1,5 @@
 // mavlink_bridge: see bridge_node.h.
 #include <boost/asio/steady_timer.hpp>
-#include <chrono>
 
 #include "lcmtypes/bus/boot.h"
 #include "lcmtypes/bus/realtime_host.h"
@@ -20,8 +19,7 @@ class BridgeEnds {
         timer_(host.io()),
         link_(ControllerLink::open(
             host.io(), LinkAddress::parse(link), controller_of(config), [this](const mavlink::Message& message) {
-              host_.deliver(node_,
-                            [&](std::int64_t now_us, Outbox& outbox) { node_.on_frame(now_us, message, outbox); });
+              host_.deliver(node_, [&](Utime now, Outbox& outbox) { node_.on_frame(now, message, outbox); });
             })) {
     tell_soon();
   }
@@ -30,11 +28,11 @@ class BridgeEnds {
 
  private:
   void tell_soon() {
-    timer_.expires_after(std::chrono::milliseconds(100));
+    timer_.expires_after(100ms);
     timer_.async_wait([this](const boost::system::error_code& error) {
       if (error) return;
-      host_.deliver(node_, [this](std::int64_t now_us, Outbox&) {
-        write(log_.update(now_us, node_.report(), link_->report(), link_->parser()));
+      host_.deliver(node_, [this](Utime now, Outbox&) {
+        write(log_.update(now, node_.report(), link_->report(), link_->parser()));
       });
       tell_soon();
     });

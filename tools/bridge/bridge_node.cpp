@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <utility>
 
 #include "lcmtypes/bus/channels.h"
@@ -11,20 +10,14 @@
 namespace swarm {
 namespace {
 
-constexpr std::int64_t kSecond_us = 1'000'000;
-constexpr std::int64_t kHeartbeatPeriod_us = kSecond_us;
-constexpr std::int64_t kSetpointAge_us = 50'000;      // older ones are of no use
-constexpr std::int64_t kSetpointTimeout_us = 50'000;  // without any: the committed trajectory
-constexpr std::int64_t kSamplePeriod_us = 10'000;
-constexpr std::int64_t kAnnouncementAge_us = kSecond_us;
-constexpr std::int64_t kRest_us = kSecond_us;  // how long the place of rest is sent after all has ended
-constexpr std::int64_t kAttitudeAge_us = kSecond_us / 2;
+constexpr Duration kHeartbeatPeriod = 1s;
+constexpr Duration kSetpointAge = 50ms;      // older ones are of no use
+constexpr Duration kSetpointTimeout = 50ms;  // without any: the committed trajectory
+constexpr Duration kSamplePeriod = 10ms;
+constexpr Duration kAnnouncementAge = 1s;
+constexpr Duration kRest = 1s;  // how long the place of rest is sent after all has ended
+constexpr Duration kAttitudeAge = 500ms;
 constexpr std::int32_t kRestart_ms = 1000;  // no message is that late
-constexpr std::int64_t kNever = std::numeric_limits<std::int64_t>::max();
-
-std::int64_t to_us(double seconds) {
-  return std::llround(1e6 * seconds);
-}
 
 // False for NaN.
 bool within(const Eigen::Vector3d& values, double bound) {
@@ -93,23 +86,22 @@ std::vector<Subscription> BridgeNode::subscriptions() const {
   return {{BusId::kOnboard, channel::kSetpoint}, {BusId::kOnboard, channel::kOwnTrajectory}};
 }
 
-void BridgeNode::on_message(std::int64_t now_us, BusId, std::string_view channel, std::span<const std::uint8_t> bytes,
-                            Outbox&) {
-  follow_clock(now_us);
+void BridgeNode::on_message(Utime now, BusId, std::string_view channel, std::span<const std::uint8_t> bytes, Outbox&) {
+  follow_clock(now);
   Refusal refusal = Refusal::kNone;
   if (channel == channel::kSetpoint) {
-    refusal = on_setpoint(now_us, bytes);
+    refusal = on_setpoint(now, bytes);
   } else if (channel == channel::kOwnTrajectory) {
-    refusal = on_announcement(now_us, bytes);
+    refusal = on_announcement(now, bytes);
   }
   if (refusal != Refusal::kNone) report_.refused.count(refusal);
 }
 
-TimeWindow BridgeNode::window(std::int64_t now_us, std::int64_t max_age_us) const {
-  return {now_us, max_age_us, to_us(config_.clock_limit_s)};
+TimeWindow BridgeNode::window(Utime now, Duration max_age) const {
+  return {now, max_age, to_duration(config_.clock_limit_s)};
 }
 
-Refusal BridgeNode::on_setpoint(std::int64_t now_us, std::span<const std::uint8_t> bytes) {
+Refusal BridgeNode::on_setpoint(Utime now, std::span<const std::uint8_t> bytes) {
   sogm_swarm::setpoint_t setpoint;
   const auto sane_and_in_order = [this](const sogm_swarm::setpoint_t& m) {
     const bool sane =
@@ -118,15 +110,15 @@ Refusal BridgeNode::on_setpoint(std::int64_t now_us, std::span<const std::uint8_
     return sane ? setpoint_gate_.pass(m.header) : Refusal::kValue;
   };
   const Refusal refusal =
-      receive(bytes, FromRobot{config_.robot_id}, window(now_us, kSetpointAge_us), sane_and_in_order, &setpoint);
+      receive(bytes, FromRobot{config_.robot_id}, window(now, kSetpointAge), sane_and_in_order, &setpoint);
   if (refusal != Refusal::kNone) return refusal;
-  const std::int64_t utime = setpoint.header.utime;
+  const Utime utime = to_utime(setpoint.header.utime);
   const MotionState state{Eigen::Vector3d(setpoint.position), Eigen::Vector3d(setpoint.velocity),
                           Eigen::Vector3d(setpoint.acceleration), Eigen::Vector3d(setpoint.jerk)};
-  setpoint_heard_us_ = now_us;
+  setpoint_heard_ = now;
   yaw_ = setpoint.yaw;
   // The committed trajectory may have been sampled beyond it meanwhile: the robot is never led backwards.
-  if (utime <= sent_utime_ && utime >= sent_utime_ - kSetpointAge_us) {
+  if (utime <= sent_utime_ && utime >= sent_utime_ - kSetpointAge) {
     ++report_.late;
   } else {
     ++report_.setpoints;
@@ -136,48 +128,48 @@ Refusal BridgeNode::on_setpoint(std::int64_t now_us, std::span<const std::uint8_
   return Refusal::kNone;
 }
 
-Refusal BridgeNode::on_announcement(std::int64_t now_us, std::span<const std::uint8_t> bytes) {
+Refusal BridgeNode::on_announcement(Utime now, std::span<const std::uint8_t> bytes) {
   sogm_swarm::announcement_t message;
   const Refusal refusal =
-      receive(bytes, FromRobot{config_.robot_id}, window(now_us, kAnnouncementAge_us), announcement_gate_, &message);
+      receive(bytes, FromRobot{config_.robot_id}, window(now, kAnnouncementAge), announcement_gate_, &message);
   if (refusal != Refusal::kNone) return refusal;
   const Motion motion = motion_of(message);
   if (motion.committed.empty()) return Refusal::kInconsistent;
   motion_ = motion;
-  announcement_heard_us_ = now_us;
+  announcement_heard_ = now;
   return Refusal::kNone;
 }
 
-void BridgeNode::on_frame(std::int64_t now_us, const mavlink::Message& message, Outbox& outbox) {
-  follow_clock(now_us);
-  if (const auto* const heartbeat = std::get_if<mavlink::Heartbeat>(&message)) on_controller(now_us, *heartbeat);
-  if (const auto* const attitude = std::get_if<mavlink::Attitude>(&message)) on_controller(now_us, *attitude);
-  if (const auto* const local = std::get_if<mavlink::LocalPositionNed>(&message)) on_controller(now_us, *local, outbox);
+void BridgeNode::on_frame(Utime now, const mavlink::Message& message, Outbox& outbox) {
+  follow_clock(now);
+  if (const auto* const heartbeat = std::get_if<mavlink::Heartbeat>(&message)) on_controller(now, *heartbeat);
+  if (const auto* const attitude = std::get_if<mavlink::Attitude>(&message)) on_controller(now, *attitude);
+  if (const auto* const local = std::get_if<mavlink::LocalPositionNed>(&message)) on_controller(now, *local, outbox);
 }
 
-void BridgeNode::on_controller(std::int64_t now_us, const mavlink::Heartbeat& heartbeat) {
+void BridgeNode::on_controller(Utime now, const mavlink::Heartbeat& heartbeat) {
   if (heartbeat.autopilot == mavlink::Heartbeat::kNone) return;  // a camera, say
-  report_.heartbeat_us = now_us;
+  report_.heard_utime = now;
   report_.heartbeat = heartbeat;
 }
 
-void BridgeNode::on_controller(std::int64_t now_us, const mavlink::Attitude& attitude) {
+void BridgeNode::on_controller(Utime now, const mavlink::Attitude& attitude) {
   if (!pass(&attitude_clock_, attitude.time_boot_ms)) return;
   if (!(std::abs(attitude.yaw) <= kMaxVelocity_mps)) return refuse(StateRefusal::kValue);
-  attitude_us_ = now_us;
+  attitude_heard_ = now;
   attitude_yaw_ = frame_.yaw(attitude.yaw);
 }
 
-void BridgeNode::on_controller(std::int64_t now_us, const mavlink::LocalPositionNed& local, Outbox& outbox) {
+void BridgeNode::on_controller(Utime now, const mavlink::LocalPositionNed& local, Outbox& outbox) {
   if (!pass(&position_clock_, local.time_boot_ms)) return;
   const Eigen::Vector3d position = frame_.position_to_world(to_vector(local.position));
   const Eigen::Vector3d velocity = frame_.to_world(to_vector(local.velocity));
   if (!within(position, kMaxPosition_m) || !within(velocity, kMaxVelocity_mps)) return refuse(StateRefusal::kValue);
   if (target_) report_.off_m = (position - *target_).norm();
-  if (!attitude_us_ || now_us - *attitude_us_ > kAttitudeAge_us) return refuse(StateRefusal::kNoAttitude);
+  if (!attitude_heard_ || now - *attitude_heard_ > kAttitudeAge) return refuse(StateRefusal::kNoAttitude);
   if (!config_.publish_state) return;
   sogm_swarm::robot_state_t state{};
-  state.header = state_headers_.next(now_us - to_us(config_.state_delay_s));
+  state.header = state_headers_.next(now - to_duration(config_.state_delay_s));
   Eigen::Map<Eigen::Vector3d>(state.position) = position;
   Eigen::Map<Eigen::Vector3d>(state.velocity) = velocity;
   state.yaw = attitude_yaw_;
@@ -208,83 +200,82 @@ bool BridgeNode::pass(BootClock* clock, std::uint32_t time_ms) {
   if (verdict == BootClock::Verdict::kRestarted) {
     ++report_.restarts;
     position_clock_ = attitude_clock_ = BootClock();
-    attitude_us_.reset();
+    attitude_heard_.reset();
     (void)clock->pass(time_ms);
   }
   return true;
 }
 
-std::int64_t BridgeNode::step(std::int64_t now_us, Outbox&) {
-  follow_clock(now_us);
-  if (now_us >= heartbeat_.due_us(now_us, kHeartbeatPeriod_us)) {
+Utime BridgeNode::step(Utime now, Outbox&) {
+  follow_clock(now);
+  if (now >= heartbeat_.due(now, kHeartbeatPeriod)) {
     mavlink::Heartbeat heartbeat;
     heartbeat.type = mavlink::Heartbeat::kOnboardController;
     heartbeat.autopilot = mavlink::Heartbeat::kNone;
     heartbeat.system_status = mavlink::Heartbeat::kActive;
     send(heartbeat);
-    heartbeat_.done(now_us);
+    heartbeat_.done(now);
   }
-  return std::max(now_us + 1, std::min(heartbeat_.due_us(now_us, kHeartbeatPeriod_us), guide(now_us)));
+  return std::max(now + 1us, std::min(heartbeat_.due(now, kHeartbeatPeriod), guide(now)));
 }
 
-bool BridgeNode::on_clock_step(std::int64_t now_us, std::int64_t step_us) {
-  follow_clock(now_us);
+bool BridgeNode::on_clock_step(Utime now, Duration step) {
+  follow_clock(now);
   const bool is_led = report_.led_by == LedBy::kSetpoints || report_.led_by == LedBy::kTrajectory;
   // What the broadcast daemon has just committed may still be on its way here.
-  if (step_us == 0 || !is_led) {
-    asked_us_.reset();
-  } else if (!asked_us_) {
-    asked_us_ = now_us;
+  if (step == Duration() || !is_led) {
+    asked_.reset();
+  } else if (!asked_) {
+    asked_ = now;
   }
-  const bool moves = motion_ && motion_->end_utime() > now_us;
-  if (asked_us_ && (moves || now_us < *asked_us_ + kSetpointTimeout_us)) return false;
-  asked_us_.reset();
-  shift_times(step_us);
+  const bool moves = motion_ && motion_->end_utime() > now;
+  if (asked_ && (moves || now < *asked_ + kSetpointTimeout)) return false;
+  asked_.reset();
+  shift_times(step);
   return true;
 }
 
 // A clock that is set back must not make anything wait for the time that was before, nor fly again what was flown.
-void BridgeNode::follow_clock(std::int64_t now_us) {
-  if (!start_us_) start_us_ = now_us;
-  if (now_us < now_us_) shift_times(now_us - now_us_);
-  now_us_ = now_us;
+void BridgeNode::follow_clock(Utime now) {
+  if (!start_) start_ = now;
+  if (now < now_) shift_times(now - now_);
+  now_ = now;
 }
 
-void BridgeNode::shift_times(std::int64_t later_us) {
-  for (std::int64_t* const time : {&now_us_, &setpoint_heard_us_, &announcement_heard_us_, &sent_utime_})
-    *time += later_us;
-  for (auto* const time : {&report_.heartbeat_us, &attitude_us_, &start_us_, &asked_us_})
-    if (*time) **time += later_us;
-  if (motion_) motion_->committed.shift(later_us), motion_->next.shift(later_us);
+void BridgeNode::shift_times(Duration later) {
+  for (Utime* const time : {&now_, &setpoint_heard_, &announcement_heard_, &sent_utime_}) *time += later;
+  for (auto* const time : {&report_.heard_utime, &attitude_heard_, &start_, &asked_})
+    if (*time) **time += later;
+  if (motion_) motion_->committed.shift(later), motion_->next.shift(later);
 }
 
 // Sends what is due of the committed trajectory; returns when to look again.
-std::int64_t BridgeNode::guide(std::int64_t now_us) {
+Utime BridgeNode::guide(Utime now) {
   if (report_.led_by == LedBy::kNone || report_.led_by == LedBy::kEnded) return kNever;
-  const std::int64_t missing_us = setpoint_heard_us_ + kSetpointTimeout_us;
-  if (now_us < missing_us) return missing_us;
+  const Utime missing = setpoint_heard_ + kSetpointTimeout;
+  if (now < missing) return missing;
   if (!motion_) {
     report_.led_by = LedBy::kLost;
     return kNever;
   }
-  const std::int64_t gone_us = std::max(setpoint_heard_us_, announcement_heard_us_) + to_us(config_.timeout_s);
-  if (now_us >= std::max(gone_us, motion_->end_utime()) + kRest_us) {
+  const Utime gone = std::max(setpoint_heard_, announcement_heard_) + to_duration(config_.timeout_s);
+  if (now >= std::max(gone, motion_->end_utime()) + kRest) {
     report_.led_by = LedBy::kEnded;
     return kNever;
   }
   report_.led_by = LedBy::kTrajectory;
-  if (now_us >= sample_.due_on_grid_us(now_us, kSamplePeriod_us)) {
+  if (now >= sample_.due_on_grid(now, kSamplePeriod)) {
     ++report_.samples;
-    send_target(now_us, motion_->at(now_us), yaw_, 0.0);
-    sample_.done(now_us);
+    send_target(now, motion_->at(now), yaw_, 0.0);
+    sample_.done(now);
   }
-  return sample_.due_on_grid_us(now_us, kSamplePeriod_us);
+  return sample_.due_on_grid(now, kSamplePeriod);
 }
 
 // In W.
-void BridgeNode::send_target(std::int64_t utime, const MotionState& state, double yaw_rad, double yaw_rate) {
+void BridgeNode::send_target(Utime utime, const MotionState& state, double yaw_rad, double yaw_rate) {
   mavlink::SetPositionTargetLocalNed target;
-  target.time_boot_ms = static_cast<std::uint32_t>(std::max<std::int64_t>(utime - *start_us_, 0) / 1000);
+  target.time_boot_ms = static_cast<std::uint32_t>(std::max(utime - *start_, Duration()) / 1ms);
   target.position = to_floats(frame_.position_to_ned(state.position));
   target.velocity = to_floats(frame_.to_ned(state.velocity));
   target.acceleration = to_floats(frame_.to_ned(state.acceleration));

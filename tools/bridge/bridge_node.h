@@ -57,15 +57,15 @@ const char* to_string(StateRefusal reason);
 
 struct BridgeReport {
   LedBy led_by = LedBy::kNone;
-  std::optional<std::int64_t> heartbeat_us;  // when the controller was last heard
-  mavlink::Heartbeat heartbeat;              // of the controller
-  std::int64_t setpoints = 0;                // passed on
-  std::int64_t late = 0;                     // not passed on: older than what was sent already
-  std::int64_t samples = 0;                  // of the committed trajectory, sent
-  std::int64_t states = 0;                   // published
-  std::int64_t restarts = 0;                 // of the controller
-  double off_m = 0.0;                        // how far the robot was from its target when both were known last [m]
-  RefusalCounts refused;                     // messages from the bus
+  std::optional<Utime> heard_utime;  // when the controller was last heard
+  mavlink::Heartbeat heartbeat;      // of the controller
+  std::int64_t setpoints = 0;        // passed on
+  std::int64_t late = 0;             // not passed on: older than what was sent already
+  std::int64_t samples = 0;          // of the committed trajectory, sent
+  std::int64_t states = 0;           // published
+  std::int64_t restarts = 0;         // of the controller
+  double off_m = 0.0;                // how far the robot was from its target when both were known last [m]
+  RefusalCounts refused;             // messages from the bus
   std::array<std::int64_t, kNumStateRefusals> states_refused{};
 
   bool armed() const { return (heartbeat.base_mode & mavlink::Heartbeat::kArmed) != 0; }
@@ -80,13 +80,13 @@ class BridgeNode : public Node {
   BridgeNode(const BridgeConfig& config, std::int32_t boot, FrameSink sink);
 
   std::vector<Subscription> subscriptions() const override;
-  void on_message(std::int64_t now_us, BusId bus, std::string_view channel, std::span<const std::uint8_t> bytes,
+  void on_message(Utime now, BusId bus, std::string_view channel, std::span<const std::uint8_t> bytes,
                   Outbox& outbox) override;
   // A message of the controller; a step has to follow.
-  void on_frame(std::int64_t now_us, const mavlink::Message& message, Outbox& outbox);
-  std::int64_t step(std::int64_t now_us, Outbox& outbox) override;
+  void on_frame(Utime now, const mavlink::Message& message, Outbox& outbox);
+  Utime step(Utime now, Outbox& outbox) override;
   // Not while the robot moves: the broadcast daemon keeps its time then, too.
-  bool on_clock_step(std::int64_t now_us, std::int64_t step_us) override;
+  bool on_clock_step(Utime now, Duration step) override;
 
   const BridgeReport& report() const { return report_; }
 
@@ -101,20 +101,20 @@ class BridgeNode : public Node {
     std::optional<std::uint32_t> newest_ms_, suspect_ms_;
   };
 
-  Refusal on_setpoint(std::int64_t now_us, std::span<const std::uint8_t> bytes);
-  Refusal on_announcement(std::int64_t now_us, std::span<const std::uint8_t> bytes);
-  void on_controller(std::int64_t now_us, const mavlink::Heartbeat& heartbeat);
-  void on_controller(std::int64_t now_us, const mavlink::Attitude& attitude);
-  void on_controller(std::int64_t now_us, const mavlink::LocalPositionNed& local, Outbox& outbox);
+  Refusal on_setpoint(Utime now, std::span<const std::uint8_t> bytes);
+  Refusal on_announcement(Utime now, std::span<const std::uint8_t> bytes);
+  void on_controller(Utime now, const mavlink::Heartbeat& heartbeat);
+  void on_controller(Utime now, const mavlink::Attitude& attitude);
+  void on_controller(Utime now, const mavlink::LocalPositionNed& local, Outbox& outbox);
   // False when it is refused. A restart of the controller is one of both clocks.
   bool pass(BootClock* clock, std::uint32_t time_ms);
   void refuse(StateRefusal reason) { ++report_.states_refused[static_cast<std::size_t>(reason)]; }
 
-  TimeWindow window(std::int64_t now_us, std::int64_t max_age_us) const;
-  void follow_clock(std::int64_t now_us);
-  void shift_times(std::int64_t later_us);
-  std::int64_t guide(std::int64_t now_us);
-  void send_target(std::int64_t utime, const MotionState& state, double yaw_rad, double yaw_rate);
+  TimeWindow window(Utime now, Duration max_age) const;
+  void follow_clock(Utime now);
+  void shift_times(Duration later);
+  Utime guide(Utime now);
+  void send_target(Utime utime, const MotionState& state, double yaw_rad, double yaw_rate);
   void send(const mavlink::Message& message) { sink_(encoder_.encode(message)); }
 
   BridgeConfig config_;
@@ -125,19 +125,19 @@ class BridgeNode : public Node {
   SequenceGate setpoint_gate_, announcement_gate_;
   BridgeReport report_;
 
-  std::optional<std::int64_t> start_us_;
-  std::optional<std::int64_t> asked_us_;  // when it first heard of a step of the clock that it has not taken
-  std::int64_t now_us_ = 0;
-  std::int64_t setpoint_heard_us_ = 0, announcement_heard_us_ = 0;
-  std::int64_t sent_utime_ = 0;            // of the newest target,
+  std::optional<Utime> start_;
+  std::optional<Utime> asked_;  // when it first heard of a step of the clock that it has not taken
+  Utime now_{};
+  Utime setpoint_heard_{}, announcement_heard_{};
+  Utime sent_utime_{};                     // of the newest target,
   std::optional<Eigen::Vector3d> target_;  // which is here, in W
   Recurring sample_, heartbeat_;
   double yaw_ = 0.0;              // of the newest setpoint, in W
   std::optional<Motion> motion_;  // what the robot is bound to
 
   BootClock position_clock_, attitude_clock_;
-  std::optional<std::int64_t> attitude_us_;  // when it was heard
-  double attitude_yaw_ = 0.0;                // in W
+  std::optional<Utime> attitude_heard_;  // when it was heard
+  double attitude_yaw_ = 0.0;            // in W
 };
 
 }  // namespace swarm

@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "lcmtypes/bus/option_set.h"
+#include "lcmtypes/bus/time.h"
 
 namespace swarm {
 namespace {
@@ -25,8 +26,8 @@ using std::chrono::steady_clock;
 
 constexpr std::size_t kMaxDatagram = 65536;
 constexpr std::size_t kMaxQueue = 8;  // frames that wait for the serial device: 80 ms of setpoints
-constexpr auto kReopen = std::chrono::seconds(1);
-constexpr auto kPeerSilence = std::chrono::seconds(3);  // then another may take its place
+constexpr Duration kReopen = 1s;
+constexpr Duration kPeerSilence = 3s;  // then another may take its place
 
 [[noreturn]] void fail(const LinkAddress& address, const std::string& what, const error_code& error) {
   throw std::runtime_error(address.text + ": " + what + ": " + error.message());

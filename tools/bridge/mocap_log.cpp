@@ -2,14 +2,14 @@
 
 #include <spdlog/fmt/fmt.h>
 
-#include <cstdlib>
 #include <numeric>
 
 namespace swarm {
 namespace {
 
-constexpr std::int64_t kSecond_us = 1'000'000;
-constexpr std::int64_t kSummaryPeriod_us = 10 * kSecond_us;
+constexpr Duration kSilence = 1s;
+constexpr Duration kRefusalPeriod = 1s;
+constexpr Duration kSummaryPeriod = 10s;
 
 std::string summary(const MocapReport& report) {
   return fmt::format(
@@ -22,24 +22,24 @@ std::string summary(const MocapReport& report) {
 
 }  // namespace
 
-std::vector<LogLine> MocapLog::update(std::int64_t now_us, const MocapReport& report) {
+std::vector<LogLine> MocapLog::update(Utime now, const MocapReport& report) {
   std::vector<LogLine> lines;
-  const bool heard = report.heard_us && std::abs(now_us - *report.heard_us) < kSecond_us;
+  const bool heard = report.heard_utime && std::chrono::abs(now - *report.heard_utime) < kSilence;
   if (heard && !heard_) add_line(&lines, false, "motion capture is heard");
   if (!heard && heard_) add_line(&lines, true, "motion capture is silent");
   heard_ = heard;
   if (report.obstacles != obstacles_) add_line(&lines, false, fmt::format("{} obstacles", report.obstacles));
   obstacles_ = report.obstacles;
   const std::int64_t refused = std::accumulate(report.refused.begin(), report.refused.end(), std::int64_t{0});
-  if (refused != refused_ && now_us >= refusal_.due_us(now_us, kSecond_us)) {
+  if (refused != refused_ && now >= refusal_.due(now, kRefusalPeriod)) {
     add_line(&lines, true, fmt::format("{} datagrams refused; the newest: {}", refused - refused_, report.words));
     refused_ = refused;
-    refusal_.done(now_us);
+    refusal_.done(now);
   }
-  if (!summary_) summary_.emplace().done(now_us);
-  if (now_us >= summary_->due_us(now_us, kSummaryPeriod_us)) {
+  if (!summary_) summary_.emplace().done(now);
+  if (now >= summary_->due(now, kSummaryPeriod)) {
     add_line(&lines, false, summary(report));
-    summary_->done(now_us);
+    summary_->done(now);
   }
   return lines;
 }

@@ -13,8 +13,8 @@ namespace swarm {
 
 class MocapLog {
  public:
-  // What there is to say at `now_us`. To be called some ten times a second.
-  std::vector<LogLine> update(std::int64_t now_us, const MocapReport& report);
+  // What there is to say at `now`. To be called some ten times a second.
+  std::vector<LogLine> update(Utime now, const MocapReport& report);
 
  private:
   bool heard_ = false;

@@ -2,7 +2,6 @@
 #include <boost/asio/buffer.hpp>
 #include <boost/asio/ip/udp.hpp>
 #include <boost/asio/steady_timer.hpp>
-#include <chrono>
 
 #include "lcmtypes/bus/boot.h"
 #include "lcmtypes/bus/realtime_host.h"
@@ -39,8 +38,8 @@ class MocapSocket {
                           [this](const boost::system::error_code& error, std::size_t n) {
                             if (error == boost::asio::error::operation_aborted) return;
                             if (!error) {
-                              host_.deliver(node_, [&](std::int64_t now_us, Outbox& outbox) {
-                                node_.on_datagram(now_us, std::span(datagram_).first(n), outbox);
+                              host_.deliver(node_, [&](Utime now, Outbox& outbox) {
+                                node_.on_datagram(now, std::span(datagram_).first(n), outbox);
                               });
                             }
                             await();
@@ -48,10 +47,10 @@ class MocapSocket {
   }
 
   void tell_soon() {
-    timer_.expires_after(std::chrono::milliseconds(100));
+    timer_.expires_after(100ms);
     timer_.async_wait([this](const boost::system::error_code& error) {
       if (error) return;
-      host_.deliver(node_, [this](std::int64_t now_us, Outbox&) { write(log_.update(now_us, node_.report())); });
+      host_.deliver(node_, [this](Utime now, Outbox&) { write(log_.update(now, node_.report())); });
       tell_soon();
     });
   }

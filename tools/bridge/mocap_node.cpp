@@ -19,7 +19,7 @@ using sogm_swarm::obstacle_t;
 
 constexpr double kWindow_s = 0.2;      // of velocities
 constexpr double kLeastSpan_s = 0.03;  // a velocity needs so much of it
-constexpr std::int64_t kGone_us = 500'000;
+constexpr Duration kGone = 500ms;
 constexpr double kRestart_s = 1.0;  // no datagram is that late: the clock began anew
 constexpr double kFarthest_m = 1e4, kMaxTime_s = 1e11;
 constexpr double kJump_m = 0.3, kJump_mps = 20.0;  // what moves faster is another body
@@ -147,25 +147,25 @@ MocapNode::MocapNode(const MocapConfig& config, std::int32_t boot)
       state_headers_(config.robot_id, boot),
       obstacle_headers_(config.robot_id, boot) {}
 
-void MocapNode::on_datagram(std::int64_t now_us, std::span<const std::uint8_t> bytes, Outbox& outbox) {
+void MocapNode::on_datagram(Utime now, std::span<const std::uint8_t> bytes, Outbox& outbox) {
   try {
     const Datagram datagram = read(bytes);
     follow_clock(datagram);
-    const double t_s = datagram.t_s.value_or(1e-6 * static_cast<double>(now_us));
-    for (const Body& body : datagram.bodies) follow(body, t_s, now_us);
+    const double t_s = datagram.t_s.value_or(to_seconds(now.time_since_epoch()));
+    for (const Body& body : datagram.bodies) follow(body, t_s, now);
   } catch (const Refused& refused) {
     ++report_.refused[static_cast<std::size_t>(refused.reason)];
     report_.words = refused.words;
     return;
   }
   ++report_.datagrams;
-  report_.heard_us = now_us;
+  report_.heard_utime = now;
   // After the clock was set back, nothing was seen later than now.
-  for (auto& [name, track] : tracks_) track.seen_us = std::min(track.seen_us, now_us);
-  std::erase_if(tracks_, [now_us](const auto& entry) { return now_us - entry.second.seen_us > kGone_us; });
-  publish_state(now_us, outbox);
-  const auto period_us = std::llround(1e6 / config_.obstacle_rate_hz);
-  if (!rules_.empty() && now_us >= obstacles_.due_us(now_us, period_us)) publish_obstacles(now_us, outbox);
+  for (auto& [name, track] : tracks_) track.seen = std::min(track.seen, now);
+  std::erase_if(tracks_, [now](const auto& entry) { return now - entry.second.seen > kGone; });
+  publish_state(now, outbox);
+  const Duration period = to_duration(1.0 / config_.obstacle_rate_hz);
+  if (!rules_.empty() && now >= obstacles_.due(now, period)) publish_obstacles(now, outbox);
 }
 
 MocapNode::Datagram MocapNode::read(std::span<const std::uint8_t> bytes) {
@@ -213,7 +213,7 @@ void MocapNode::follow_clock(const Datagram& datagram) {
   newest_t_s_ = datagram.t_s;
 }
 
-void MocapNode::follow(const Body& body, double t_s, std::int64_t now_us) {
+void MocapNode::follow(const Body& body, double t_s, Utime now) {
   const ObstacleRule* rule = nullptr;
   if (body.name != config_.body) {
     const auto found = std::ranges::find_if(rules_, [&](const ObstacleRule& r) { return r.matches(body.name); });
@@ -236,7 +236,7 @@ void MocapNode::follow(const Body& body, double t_s, std::int64_t now_us) {
   track.samples.push_back({t_s, body.position});
   track.position = body.position;
   track.yaw_rad = body.yaw_rad;
-  track.seen_us = now_us;
+  track.seen = now;
   track.rule = rule;
 }
 
@@ -258,12 +258,12 @@ Eigen::Vector3d MocapNode::velocity_of(const Track& track) {
   return (product / square).cwiseMax(-kMaxVelocity_mps).cwiseMin(kMaxVelocity_mps);
 }
 
-void MocapNode::publish_state(std::int64_t now_us, Outbox& outbox) {
+void MocapNode::publish_state(Utime now, Outbox& outbox) {
   const auto own = tracks_.find(config_.body);
-  if (own == tracks_.end() || own->second.rule != nullptr || own->second.seen_us != now_us) return;
+  if (own == tracks_.end() || own->second.rule != nullptr || own->second.seen != now) return;
   const Track& track = own->second;
   sogm_swarm::robot_state_t state{};
-  state.header = state_headers_.next(now_us - std::llround(1e6 * config_.delay_s));
+  state.header = state_headers_.next(now - to_duration(config_.delay_s));
   Eigen::Map<Eigen::Vector3d>(state.position) = track.position;
   Eigen::Map<Eigen::Vector3d>(state.velocity) = velocity_of(track);
   state.yaw = track.yaw_rad;
@@ -271,9 +271,9 @@ void MocapNode::publish_state(std::int64_t now_us, Outbox& outbox) {
   ++report_.states;
 }
 
-void MocapNode::publish_obstacles(std::int64_t now_us, Outbox& outbox) {
+void MocapNode::publish_obstacles(Utime now, Outbox& outbox) {
   sogm_swarm::obstacles_t message{};
-  message.header = obstacle_headers_.next(now_us - std::llround(1e6 * config_.delay_s));
+  message.header = obstacle_headers_.next(now - to_duration(config_.delay_s));
   for (const auto& [name, track] : tracks_) {
     if (track.rule == nullptr) continue;
     obstacle_t& obstacle = message.obstacles.emplace_back();
@@ -286,13 +286,13 @@ void MocapNode::publish_obstacles(std::int64_t now_us, Outbox& outbox) {
     Eigen::Map<Eigen::Vector3d>(obstacle.velocity) = velocity_of(track);
     obstacle.yaw = track.yaw_rad;
     Eigen::Map<Eigen::Vector3d>(obstacle.size) = track.rule->size;
-    obstacle.age_s = 1e-6 * static_cast<double>(now_us - track.seen_us);
+    obstacle.age_s = to_seconds(now - track.seen);
   }
   message.num_obstacles = static_cast<std::int32_t>(message.obstacles.size());
   outbox.publish(BusId::kOnboard, channel::kObstacles, message);
   report_.obstacles = message.num_obstacles;
   ++report_.obstacle_messages;
-  obstacles_.done(now_us);
+  obstacles_.done(now);
 }
 
 }  // namespace swarm

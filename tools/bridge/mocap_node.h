@@ -57,8 +57,8 @@ inline constexpr int kNumMocapRefusals = 5;
 const char* to_string(MocapRefusal reason);
 
 struct MocapReport {
-  std::optional<std::int64_t> heard_us;  // the newest good datagram
-  std::int64_t datagrams = 0;            // good ones
+  std::optional<Utime> heard_utime;  // the newest good datagram
+  std::int64_t datagrams = 0;        // good ones
   std::array<std::int64_t, kNumMocapRefusals> refused{};
   std::string words;  // what was wrong with the newest refused one
   std::int64_t states = 0, obstacle_messages = 0;
@@ -73,12 +73,12 @@ class MocapNode : public Node {
   MocapNode(const MocapConfig& config, std::int32_t boot);
 
   std::vector<Subscription> subscriptions() const override { return {}; }
-  void on_message(std::int64_t, BusId, std::string_view, std::span<const std::uint8_t>, Outbox&) override {}
-  std::int64_t step(std::int64_t now_us, Outbox&) override { return now_us + 1'000'000; }
+  void on_message(Utime, BusId, std::string_view, std::span<const std::uint8_t>, Outbox&) override {}
+  Utime step(Utime now, Outbox&) override { return now + 1s; }
 
   // Publishes what a datagram tells. An obstacle that 0.5 s of good datagrams do not show is gone; when none come at
   // all, nothing is said: how long old obstacles count is for the map daemon to decide.
-  void on_datagram(std::int64_t now_us, std::span<const std::uint8_t> bytes, Outbox& outbox);
+  void on_datagram(Utime now, std::span<const std::uint8_t> bytes, Outbox& outbox);
 
   const MocapReport& report() const { return report_; }
 
@@ -100,17 +100,17 @@ class MocapNode : public Node {
     Eigen::Vector3d position = Eigen::Vector3d::Zero();  // the newest
     double yaw_rad = 0.0;
     std::deque<Sample> samples;  // of the last 0.2 s, by the clock of the datagrams; none after a restart of that
-    std::int64_t seen_us = 0;
+    Utime seen{};
     const ObstacleRule* rule = nullptr;  // none: the robot itself
   };
 
   // Throws what MocapRefusal tells, with words.
   static Datagram read(std::span<const std::uint8_t> bytes);
   void follow_clock(const Datagram& datagram);
-  void follow(const Body& body, double t_s, std::int64_t now_us);
+  void follow(const Body& body, double t_s, Utime now);
   static Eigen::Vector3d velocity_of(const Track& track);
-  void publish_state(std::int64_t now_us, Outbox& outbox);
-  void publish_obstacles(std::int64_t now_us, Outbox& outbox);
+  void publish_state(Utime now, Outbox& outbox);
+  void publish_obstacles(Utime now, Outbox& outbox);
 
   MocapConfig config_;
   std::vector<ObstacleRule> rules_;

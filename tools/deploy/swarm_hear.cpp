@@ -6,7 +6,6 @@
 #include <boost/asio/steady_timer.hpp>
 #include <cstdio>
 #include <iostream>
-#include <limits>
 #include <map>
 #include <stdexcept>
 #include <string>
@@ -23,21 +22,22 @@ constexpr std::size_t kRobotAt = 14;  // of every message
 
 struct Heard {
   std::map<Refusal, int> messages;  // kNone: understood
-  std::int64_t least_delay_us = std::numeric_limits<std::int64_t>::max();
+  Duration least_delay = Duration::max();
 };
 
 class Listener : public Node {
  public:
   std::vector<Subscription> subscriptions() const override { return {{BusId::kSwarm, channel::kTrajectory}}; }
-  void on_message(std::int64_t now_us, BusId, std::string_view, std::span<const std::uint8_t> bytes, Outbox&) override {
+  void on_message(Utime now, BusId, std::string_view, std::span<const std::uint8_t> bytes, Outbox&) override {
     if (bytes.size() < kRobotAt + 2) return;
     Heard& heard = robots[bytes[kRobotAt] << 8 | bytes[kRobotAt + 1]];
     sogm_swarm::announcement_t message;
     const Refusal refusal = decode(bytes, &message);
     ++heard.messages[refusal];
-    if (refusal == Refusal::kNone) heard.least_delay_us = std::min(heard.least_delay_us, now_us - message.header.utime);
+    if (refusal == Refusal::kNone)
+      heard.least_delay = std::min(heard.least_delay, now - to_utime(message.header.utime));
   }
-  std::int64_t step(std::int64_t now_us, Outbox&) override { return now_us + 1'000'000; }
+  Utime step(Utime now, Outbox&) override { return now + 1s; }
 
   std::map<int, Heard> robots;
 };
@@ -56,13 +56,13 @@ int hear(int argc, const char* const* argv) {
   RealtimeHost host;
   Listener listener;
   host.add("swarm_hear", listener, "", url);
-  boost::asio::steady_timer timer(host.io(), std::chrono::microseconds(static_cast<std::int64_t>(1e6 * seconds)));
+  boost::asio::steady_timer timer(host.io(), to_duration(seconds));
   timer.async_wait([&host](const boost::system::error_code&) { host.stop(); });
   host.run();
   for (const auto& [robot, heard] : listener.robots) {
     for (const auto& [refusal, count] : heard.messages) {
       if (refusal == Refusal::kNone) {
-        std::printf("%d ok %d %.1f\n", robot, count, 1e-3 * static_cast<double>(heard.least_delay_us));
+        std::printf("%d ok %d %.1f\n", robot, count, to_ms(heard.least_delay));
       } else {
         std::printf("%d unreadable %s %d\n", robot, to_string(refusal), count);
       }

@@ -109,6 +109,9 @@ double rounded(double length_m) {
 Json json_of(const Eigen::Vector3d& v) {
   return {{"x", rounded(v.x())}, {"y", rounded(v.y())}, {"z", rounded(v.z())}};
 }
+Json json_of(Duration duration) {
+  return {{"sec", duration / 1s}, {"nsec", duration % 1s / 1ns}};
+}
 Json json_of(const Color& color) {
   return {{"r", color.r}, {"g", color.g}, {"b", color.b}, {"a", color.a}};
 }
@@ -150,11 +153,11 @@ Json schema(const std::string& name) {
   return found;
 }
 
-Json time(std::int64_t utime) {
-  return {{"sec", utime / 1'000'000}, {"nsec", utime % 1'000'000 * 1000}};
+Json time(Utime utime) {
+  return json_of(utime.time_since_epoch());
 }
 
-Json transform(std::int64_t utime, const std::string& parent, const std::string& child, const Pose& pose) {
+Json transform(Utime utime, const std::string& parent, const std::string& child, const Pose& pose) {
   return {{"timestamp", time(utime)},
           {"parent_frame_id", parent},
           {"child_frame_id", child},
@@ -203,11 +206,11 @@ Json polygons(std::span<const std::vector<Eigen::Vector3d>> polygons, const Colo
           {"indices", std::move(indices)}};
 }
 
-Json entity(std::int64_t utime, const std::string& id, const std::string& frame, std::int64_t lifetime_us) {
+Json entity(Utime utime, const std::string& id, const std::string& frame, Duration lifetime) {
   Json json = {{"timestamp", time(utime)},
                {"frame_id", frame},
                {"id", id},
-               {"lifetime", time(lifetime_us)},
+               {"lifetime", json_of(lifetime)},
                {"frame_locked", frame != "world"}};
   for (const char* name :
        {"metadata", "arrows", "cubes", "spheres", "cylinders", "lines", "triangles", "texts", "models"})
@@ -215,7 +218,7 @@ Json entity(std::int64_t utime, const std::string& id, const std::string& frame,
   return json;
 }
 
-Json deletion(std::int64_t utime, const std::string& id) {
+Json deletion(Utime utime, const std::string& id) {
   constexpr int kMatchingId = 0;
   return {{"timestamp", time(utime)}, {"type", kMatchingId}, {"id", id}};
 }
@@ -224,7 +227,7 @@ Json scene(Json entities, Json deletions) {
   return {{"deletions", std::move(deletions)}, {"entities", std::move(entities)}};
 }
 
-Json point_cloud(std::int64_t utime, std::span<const Eigen::Vector4f> points) {
+Json point_cloud(Utime utime, std::span<const Eigen::Vector4f> points) {
   constexpr int kFloat32 = 7;
   constexpr const char* kNames[] = {"x", "y", "z", "t"};
   Json fields = Json::array();

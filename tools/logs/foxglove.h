@@ -9,6 +9,8 @@
 #include <string>
 #include <vector>
 
+#include "lcmtypes/bus/time.h"
+
 namespace swarm::foxglove {
 
 using Json = nlohmann::ordered_json;
@@ -28,8 +30,8 @@ struct Pose {
   double yaw_rad = 0.0;  // about z
 };
 
-Json time(std::int64_t utime);  // [us], >= 0
-Json transform(std::int64_t utime, const std::string& parent, const std::string& child, const Pose& pose);
+Json time(Utime utime);  // not before the epoch
+Json transform(Utime utime, const std::string& parent, const std::string& child, const Pose& pose);
 
 // Primitives of an entity; `size_m` and `diameter_m` are whole extents.
 Json cube(const Pose& pose, const Eigen::Vector3d& size_m, const Color& color);
@@ -42,14 +44,13 @@ Json line(const Pose& pose, std::span<const Eigen::Vector3d> points, bool closed
 Json polygons(std::span<const std::vector<Eigen::Vector3d>> polygons, const Color& color);
 
 // What replaces the entity of the same id and topic; add primitives to its arrays: cubes, spheres, cylinders, lines,
-// triangles. In another frame than "world" it moves with it. `lifetime_us` 0: until it is replaced.
-Json entity(std::int64_t utime, const std::string& id, const std::string& frame = "world",
-            std::int64_t lifetime_us = 0);
-Json deletion(std::int64_t utime, const std::string& id);
+// triangles. In another frame than "world" it moves with it. `lifetime` 0: until it is replaced.
+Json entity(Utime utime, const std::string& id, const std::string& frame = "world", Duration lifetime = {});
+Json deletion(Utime utime, const std::string& id);
 Json scene(Json entities, Json deletions);
 
 // Points (x, y, z, t): float32 each.
-Json point_cloud(std::int64_t utime, std::span<const Eigen::Vector4f> points);
+Json point_cloud(Utime utime, std::span<const Eigen::Vector4f> points);
 
 std::string base64(std::span<const std::uint8_t> bytes);
 

@@ -2,7 +2,6 @@
 #include <algorithm>
 #include <filesystem>
 #include <iostream>
-#include <limits>
 #include <map>
 #include <memory>
 #include <optional>
@@ -97,12 +96,12 @@ class Converter {
 
   void add(const LogEvent& event, std::optional<int> owner) {
     ++events_;
-    if (event.utime < 0 || event.utime > kMaxUtime) {  // beyond, times in ns need more than 64 bits
+    if (event.utime < Utime() || event.utime > kMaxUtime) {  // beyond, times in ns need more than 64 bits
       ++without_time_;
       return;
     }
-    first_us_ = std::min(first_us_, event.utime);
-    last_us_ = std::max(last_us_, event.utime);
+    first_utime_ = std::min(first_utime_, event.utime);
+    last_utime_ = std::max(last_utime_, event.utime);
     utime_ = event.utime;
     const auto refusal = visit_message(event.channel, event.bytes, [&]<class T>(const T& message) {
       write(topic_of(event.channel, message.header.robot_id, owner), schema_name<T>(), json_schema<T>,
@@ -120,7 +119,7 @@ class Converter {
 
   std::string summary(const std::string& out, std::int64_t log_bytes, std::int64_t skipped) const {
     std::string text = out + ": ";
-    append_fixed(last_us_ < first_us_ ? 0.0 : 1e-6 * static_cast<double>(last_us_ - first_us_), 2, &text);
+    append_fixed(last_utime_ < first_utime_ ? 0.0 : to_seconds(last_utime_ - first_utime_), 2, &text);
     text += " s, " + std::to_string(events_) + " events, " + std::to_string(writer_.messages()) + " messages on " +
             std::to_string(writer_.channels()) + " topics, " + megabytes(writer_.bytes()) +
             " MB (logs: " + megabytes(static_cast<std::uint64_t>(log_bytes)) + " MB)\n";
@@ -165,14 +164,14 @@ class Converter {
         known = schemas_.emplace(schema, writer_.add_schema(schema, "jsonschema", make_schema().dump())).first;
       channel = channels_.emplace(topic, writer_.add_channel(known->second, topic, "json")).first;
     }
-    writer_.write(channel->second, static_cast<std::uint64_t>(utime_) * 1000, message.dump());
+    writer_.write(channel->second, static_cast<std::uint64_t>(to_us(utime_)) * 1000, message.dump());
   }
 
   McapWriter writer_;
   LogDrawing drawing_;
   std::map<std::string, std::uint16_t> schemas_, channels_;
-  std::int64_t utime_ = 0, events_ = 0, without_time_ = 0;
-  std::int64_t first_us_ = std::numeric_limits<std::int64_t>::max(), last_us_ = 0;
+  Utime utime_{}, first_utime_ = kNever, last_utime_{};
+  std::int64_t events_ = 0, without_time_ = 0;
   Counts refused_, others_;  // by channel
 };
 

@@ -16,9 +16,9 @@ using foxglove::Color;
 using foxglove::Json;
 using foxglove::Pose;
 
-constexpr std::int64_t kSceneInterval_us = 100'000;
-constexpr std::int64_t kVoxelsLifetime_us = 1'000'000;  // as map_daemon forgets them
-constexpr float kUsualRadius_m = 0.2f;                  // of robots that did not say
+constexpr Duration kSceneInterval = 100ms;
+constexpr Duration kVoxelsLifetime = 1s;  // as map_daemon forgets them
+constexpr float kUsualRadius_m = 0.2f;    // of robots that did not say
 constexpr double kGoal_m = 0.2, kCommitted_m = 0.04, kPending_m = 0.03;
 constexpr int kSamplesPerPiece = 6;
 constexpr int kRingPoints = 32;
@@ -54,8 +54,7 @@ Json line_of(const Trajectory& trajectory, double thickness_m, const Color& colo
   const int samples = kSamplesPerPiece * trajectory.num_pieces();
   std::vector<Eigen::Vector3d> points;
   for (int i = 0; i <= samples; ++i)
-    points.push_back(
-        trajectory.at(trajectory.start_utime() + std::int64_t{trajectory.piece_us()} * i / kSamplesPerPiece).position);
+    points.push_back(trajectory.at(trajectory.start_utime() + i * trajectory.piece() / kSamplesPerPiece).position);
   return foxglove::line({}, points, false, thickness_m, color);
 }
 
@@ -91,8 +90,8 @@ void draw_obstacle(const obstacle_t& obstacle, Json* entity) {
 
 }  // namespace
 
-void LogDrawing::draw_scene(std::int64_t utime, int id, Robot* robot) {
-  robot->scene_utime = utime;
+void LogDrawing::draw_scene(Utime utime, int id, Robot* robot) {
+  robot->scene.done(utime);
   Json entities = Json::array(), deletions = Json::array();
   if (robot->has_frame || robot->position) {
     Json body = foxglove::entity(utime, "robot", robot->has_frame ? frame_of(id) : "world");
@@ -123,7 +122,7 @@ void LogDrawing::draw_scene(std::int64_t utime, int id, Robot* robot) {
   sink_({topic_of(id, "scene"), foxglove::kSceneUpdate, foxglove::scene(std::move(entities), std::move(deletions))});
 }
 
-void LogDrawing::add(std::int64_t utime, const robot_state_t& m) {
+void LogDrawing::add(Utime utime, const robot_state_t& m) {
   const int id = m.header.robot_id;
   Robot& robot = robots_[id];
   robot.position = vector_of(m.position);
@@ -132,7 +131,7 @@ void LogDrawing::add(std::int64_t utime, const robot_state_t& m) {
   if (!std::exchange(robot.has_frame, true)) draw_scene(utime, id, &robot);
 }
 
-void LogDrawing::add(std::int64_t utime, const announcement_t& m) {
+void LogDrawing::add(Utime utime, const announcement_t& m) {
   const int id = m.header.robot_id;
   Robot& robot = robots_[id];
   if (robot.announcements.pass(m.header) != Refusal::kNone) return;
@@ -142,23 +141,23 @@ void LogDrawing::add(std::int64_t utime, const announcement_t& m) {
   robot.committed = Trajectory::from_wire(m.committed);
   robot.pending = Trajectory::from_wire(m.pending);
   if (!robot.has_frame && !robot.committed.empty()) robot.position = robot.committed.at(utime).position;
-  if (changed || utime - robot.scene_utime >= kSceneInterval_us) draw_scene(utime, id, &robot);
+  if (changed || utime >= robot.scene.due(utime, kSceneInterval)) draw_scene(utime, id, &robot);
 }
 
-void LogDrawing::add(std::int64_t utime, const goal_t& m) {
+void LogDrawing::add(Utime utime, const goal_t& m) {
   Robot& robot = robots_[m.header.robot_id];
   robot.goal = vector_of(m.position);
   draw_scene(utime, m.header.robot_id, &robot);
 }
 
-void LogDrawing::add(std::int64_t utime, const obstacles_t& m) {
+void LogDrawing::add(Utime utime, const obstacles_t& m) {
   Json entity = foxglove::entity(utime, "obstacles");
   for (const obstacle_t& obstacle : m.obstacles) draw_obstacle(obstacle, &entity);
   sink_({topic_of(m.header.robot_id, "obstacles"), foxglove::kSceneUpdate, scene_of(std::move(entity))});
 }
 
-void LogDrawing::add(std::int64_t utime, const obstacle_voxels_t& m) {
-  Json entity = foxglove::entity(utime, "voxels " + std::to_string(m.id), "world", kVoxelsLifetime_us);
+void LogDrawing::add(Utime utime, const obstacle_voxels_t& m) {
+  Json entity = foxglove::entity(utime, "voxels " + std::to_string(m.id), "world", kVoxelsLifetime);
   const Eigen::Vector3d origin = vector_of(m.position) + m.age_s * vector_of(m.velocity);
   for (const auto& voxel : m.voxels) {
     const Pose pose = {origin + m.resolution * Eigen::Vector3d(voxel[0], voxel[1], voxel[2]), 0.0};
@@ -167,15 +166,15 @@ void LogDrawing::add(std::int64_t utime, const obstacle_voxels_t& m) {
   sink_({topic_of(m.header.robot_id, "obstacle_voxels"), foxglove::kSceneUpdate, scene_of(std::move(entity))});
 }
 
-void LogDrawing::add(std::int64_t utime, const sogm_t& m) {
+void LogDrawing::add(Utime utime, const sogm_t& m) {
   Robot& robot = robots_[m.header.robot_id];
   if (robot.assembler.add(m, &map_).status != AssemblyStatus::kComplete) return;
-  if (robot.map_utime >= 0 && static_cast<double>(utime - robot.map_utime) < 1e6 * options_.map_interval_s) return;
-  robot.map_utime = utime;
+  if (utime < robot.map.due(utime, to_duration(options_.map_interval_s))) return;
+  robot.map.done(utime);
   sogm_surface(map_, kAllFrames, &surface_);
   std::vector<Eigen::Vector4f> points;
   points.reserve(surface_.size());
-  const double frame_s = 1e-6 * static_cast<double>(map_.frame_duration_us);
+  const double frame_s = to_seconds(map_.frame_duration);
   for (const SurfaceVoxel& voxel : surface_) {
     Eigen::Vector4d point;
     point << map_.geometry.center_of({voxel.x, voxel.y, voxel.z}), frame_s * voxel.first_frame;
@@ -184,7 +183,7 @@ void LogDrawing::add(std::int64_t utime, const sogm_t& m) {
   sink_({topic_of(m.header.robot_id, "sogm"), foxglove::kPointCloud, foxglove::point_cloud(utime, points)});
 }
 
-void LogDrawing::add(std::int64_t utime, const corridors_t& m) {
+void LogDrawing::add(Utime utime, const corridors_t& m) {
   const int id = m.header.robot_id;
   const Eigen::Vector3d middle = robots_[id].position.value_or(Eigen::Vector3d::Zero());
   Json entity = foxglove::entity(utime, "corridors");

@@ -1,7 +1,6 @@
 // Draws what robots say on their buses, as messages of Foxglove's schemas: transforms, scenes and point clouds.
 #pragma once
 
-#include <cstdint>
 #include <functional>
 #include <map>
 #include <nlohmann/json.hpp>
@@ -11,6 +10,7 @@
 #include <vector>
 
 #include "lcmtypes/bus/codec.h"
+#include "lcmtypes/bus/recurring.h"
 #include "map_daemon/sogm_codec.h"
 #include "planner_daemon/trajectory/trajectory.h"
 #include "tools/logs/sogm_surface.h"
@@ -43,18 +43,18 @@ class LogDrawing {
 
   LogDrawing(const DrawingOptions& options, Sink sink) : options_(options), sink_(std::move(sink)) {}
 
-  // A message that passed decode(), recorded at `utime` [us since epoch, >= 0], which becomes the drawing's time. The
+  // A message that passed decode(), recorded at `utime`, not before the epoch, which becomes the drawing's time. The
   // same announcement may come several times, as by both buses: the first counts.
-  void add(std::int64_t utime, const sogm_swarm::announcement_t& m);
-  void add(std::int64_t utime, const sogm_swarm::corridors_t& m);
-  void add(std::int64_t utime, const sogm_swarm::goal_t& m);
-  void add(std::int64_t utime, const sogm_swarm::obstacle_voxels_t& m);
-  void add(std::int64_t utime, const sogm_swarm::obstacles_t& m);
-  void add(std::int64_t utime, const sogm_swarm::robot_state_t& m);
-  void add(std::int64_t utime, const sogm_swarm::sogm_t& m);
+  void add(Utime utime, const sogm_swarm::announcement_t& m);
+  void add(Utime utime, const sogm_swarm::corridors_t& m);
+  void add(Utime utime, const sogm_swarm::goal_t& m);
+  void add(Utime utime, const sogm_swarm::obstacle_voxels_t& m);
+  void add(Utime utime, const sogm_swarm::obstacles_t& m);
+  void add(Utime utime, const sogm_swarm::robot_state_t& m);
+  void add(Utime utime, const sogm_swarm::sogm_t& m);
   // Of the others nothing is drawn.
   template <class T>
-  void add(std::int64_t, const T&) {}
+  void add(Utime, const T&) {}
 
  private:
   struct Robot {
@@ -63,11 +63,11 @@ class LogDrawing {
     std::optional<float> radius_m;
     Trajectory committed, pending;  // newest; pending may be empty
     SequenceGate announcements;
-    std::int64_t scene_utime = 0, map_utime = -1;  // when they were drawn last; -1: never
+    Recurring scene, map;  // drawn
     SogmAssembler assembler;
   };
 
-  void draw_scene(std::int64_t utime, int id, Robot* robot);
+  void draw_scene(Utime utime, int id, Robot* robot);
 
   DrawingOptions options_;
   Sink sink_;

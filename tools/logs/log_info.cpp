@@ -25,7 +25,8 @@ using namespace sogm_swarm;
 
 struct Channel {
   std::int64_t messages = 0, bytes = 0, refused = 0;
-  std::int64_t first_us = 0, last_us = 0, longest_gap_us = 0;
+  Utime first{}, last{};
+  Duration longest_gap{};
 };
 
 // Announcements of one sender on one channel, by their numbers.
@@ -75,14 +76,14 @@ class Summary {
   void add(const LogEvent& event) {
     Channel& channel = channels_[event.channel];
     if (channel.messages++ == 0) {
-      channel.first_us = event.utime;
+      channel.first = event.utime;
     } else {
-      channel.longest_gap_us = std::max(channel.longest_gap_us, event.utime - channel.last_us);
+      channel.longest_gap = std::max(channel.longest_gap, event.utime - channel.last);
     }
-    channel.last_us = event.utime;
+    channel.last = event.utime;
     channel.bytes += static_cast<std::int64_t>(event.bytes.size());
-    first_us_ = messages_ == 0 ? event.utime : std::min(first_us_, event.utime);
-    last_us_ = messages_++ == 0 ? event.utime : std::max(last_us_, event.utime);
+    first_ = messages_ == 0 ? event.utime : std::min(first_, event.utime);
+    last_ = messages_++ == 0 ? event.utime : std::max(last_, event.utime);
     if (const Refusal refusal = read(event); refusal != Refusal::kNone) {
       ++channel.refused;
       ++refusals_[event.channel][refusal];
@@ -90,17 +91,17 @@ class Summary {
   }
 
   std::string text(const std::string& path, std::int64_t skipped) const {
-    const double seconds = 1e-6 * static_cast<double>(last_us_ - first_us_);
+    const double seconds = to_seconds(last_ - first_);
     std::string out = path + ": " + fixed(seconds, 2) + " s, " + std::to_string(messages_) + " messages\n";
     if (skipped > 0) out += "  damaged: " + std::to_string(skipped) + " bytes are no events\n";
     std::vector<std::vector<std::string>> rows = {
         {"channel", "messages", "per s", "bytes each", "longest gap s", "not readable"}};
     for (const auto& [name, channel] : channels_) {
-      const double span = 1e-6 * static_cast<double>(channel.last_us - channel.first_us);
+      const double span = to_seconds(channel.last - channel.first);
       rows.push_back({name, std::to_string(channel.messages),
                       span > 0.0 ? fixed(static_cast<double>(channel.messages - 1) / span, 1) : "-",
-                      std::to_string(channel.bytes / channel.messages),
-                      fixed(1e-6 * static_cast<double>(channel.longest_gap_us), 3), std::to_string(channel.refused)});
+                      std::to_string(channel.bytes / channel.messages), fixed(to_seconds(channel.longest_gap), 3),
+                      std::to_string(channel.refused)});
     }
     out += aligned(rows);
     for (const auto& [name, reasons] : refusals_) {
@@ -205,7 +206,8 @@ class Summary {
   std::map<std::string, std::map<Refusal, std::int64_t>> refusals_;
   std::map<int, Robot> robots_;
   std::map<std::pair<std::string, int>, Announced> announced_;
-  std::int64_t messages_ = 0, first_us_ = 0, last_us_ = 0;
+  std::int64_t messages_ = 0;
+  Utime first_{}, last_{};
 };
 
 int log_info(int argc, const char* const* argv) {

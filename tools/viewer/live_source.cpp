@@ -11,10 +11,10 @@
 namespace swarm {
 namespace {
 
-constexpr std::int64_t kStep_us = 50'000;
+constexpr Duration kStep = 50ms;
 constexpr int kRepeatGoal = 5;          // times, for a bus may lose it
 constexpr double kOldMessages_s = 5.0;  // then the log's time is meant, not the clock's
-constexpr std::int64_t kLately_us = 1'000'000;
+constexpr Duration kLately = 1s;
 
 }  // namespace
 
@@ -25,30 +25,25 @@ class LiveSource::Listener : public Node {
       : source_(source), bus_(bus), robot_(robot), url_(std::move(url)) {}
 
   std::vector<Subscription> subscriptions() const override {
-    if (bus_ == BusId::kSwarm) return {{bus_, channel::kTrajectory}};
     std::vector<Subscription> all;
-    for (const char* name : {channel::kRobotState, channel::kObstacles, channel::kGoal, channel::kSogm,
-                             channel::kOwnTrajectory, channel::kPeerTrajectory, channel::kCorridors,
-                             channel::kMapStatus, channel::kPlannerStatus, channel::kBroadcastStatus})
-      all.push_back({bus_, name});
+    for (const char* name : channels_of(bus_)) all.push_back({bus_, name});
     return all;
   }
 
-  void on_message(std::int64_t now_us, BusId, std::string_view name, std::span<const std::uint8_t> bytes,
-                  Outbox&) override {
-    source_->clock_offset_us_ = now_us - wall_utime();
-    (void)source_->picture_.add(now_us, name, bytes);
+  void on_message(Utime now, BusId, std::string_view name, std::span<const std::uint8_t> bytes, Outbox&) override {
+    source_->clock_offset_ = now - wall_utime();
+    (void)source_->picture_.add(now, name, bytes);
     ++messages_;
   }
 
-  std::int64_t step(std::int64_t now_us, Outbox& outbox) override {
-    if (repeat_goal_ > 0 && now_us >= goal_sent_.due_us(now_us, kStep_us)) {
+  Utime step(Utime now, Outbox& outbox) override {
+    if (repeat_goal_ > 0 && now >= goal_sent_.due(now, kStep)) {
       --repeat_goal_;
-      goal_sent_.done(now_us);
-      goal_.header = headers_->next(now_us);
+      goal_sent_.done(now);
+      goal_.header = headers_->next(now);
       outbox.publish(bus_, channel::kGoal, goal_);
     }
-    return now_us + kStep_us;
+    return now + kStep;
   }
 
   // The newest goal wins, by the time its sender started.
@@ -78,7 +73,7 @@ class LiveSource::View : public PictureSource {
  public:
   explicit View(LiveSource* source) : source_(source) {}
 
-  Moment now() override { return {source_->picture_, wall_utime() + source_->clock_offset_us_}; }
+  Moment now() override { return {source_->picture_, wall_utime() + source_->clock_offset_}; }
 
   Json describe() override {
     Json buses = Json::array();
@@ -86,7 +81,7 @@ class LiveSource::View : public PictureSource {
       buses.push_back({{"url", listener->url()}, {"messages", listener->messages()}});
     Json all = {{"mode", "live"}, {"buses", buses}, {"allow_goals", source_->options_.allow_goals}};
     const SwarmPicture& picture = source_->picture_;
-    if (picture.newest_came_us() > now().utime - kLately_us && std::abs(picture.newest_age_s()) > kOldMessages_s) {
+    if (picture.newest_came() > now().utime - kLately && std::abs(picture.newest_age_s()) > kOldMessages_s) {
       all["warning"] = "The messages are " + std::to_string(std::lround(picture.newest_age_s())) +
                        " s old: a log that is played again? Then start with --replay true.";
     }
@@ -105,7 +100,7 @@ class LiveSource::View : public PictureSource {
 };
 
 LiveSource::LiveSource(const Options& options, RealtimeHost* host) : options_(options) {
-  const HostClock clock{options.replay ? TimeSource::kMessages : TimeSource::kClock, 0};
+  const HostClock clock{options.replay ? TimeSource::kMessages : TimeSource::kClock};
   const std::string swarm = swarm_bus_url(options.base_port);
   listeners_.push_back(std::make_unique<Listener>(this, BusId::kSwarm, -1, swarm));
   host->add("view", *listeners_.back(), "", swarm, clock);

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <memory>
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -36,7 +35,7 @@ class LiveSource {
 
   Options options_;
   SwarmPicture picture_;
-  std::int64_t clock_offset_us_ = 0;  // of the messages, when they are replayed
+  Duration clock_offset_{};  // of the messages, when they are replayed
   std::vector<std::unique_ptr<Listener>> listeners_;
 };
 

@@ -10,7 +10,7 @@
 namespace swarm {
 namespace {
 
-constexpr std::int64_t kBefore_us = 1'000'000;  // all of the last second is read, for rates
+constexpr Duration kBefore = 1s;  // all of the last second is read, for rates
 constexpr double kMinSpeed = 0.01, kMaxSpeed = 100.0;
 
 // Where every message has its robot, and a map its part.
@@ -47,19 +47,18 @@ LogIndex::LogIndex(const std::vector<std::string>& paths) : paths_(paths) {
 
 LogPlayer::LogPlayer(const LogIndex& index) : index_(index) {
   for (const std::string& path : index.paths()) logs_.emplace_back(path);
-  shown_us_ = index.begin_us();
-  set_from(index.begin_us());
+  shown_ = index.begin_utime();
+  set_from(index.begin_utime());
 }
 
-std::int64_t LogPlayer::wanted_us() const {
-  if (!playing_) return from_us_;
-  const auto passed = std::chrono::duration_cast<std::chrono::microseconds>(Clock::now() - since_);
-  const auto ahead = static_cast<std::int64_t>(speed_ * static_cast<double>(passed.count()));
-  return std::clamp(from_us_ + ahead, index_.begin_us(), index_.end_us());
+Utime LogPlayer::wanted() const {
+  if (!playing_) return from_;
+  const auto passed = std::chrono::duration_cast<Duration>(Clock::now() - since_);
+  return std::clamp(from_ + to_duration(speed_ * to_seconds(passed)), index_.begin_utime(), index_.end_utime());
 }
 
-void LogPlayer::set_from(std::int64_t utime) {
-  from_us_ = std::clamp(utime, index_.begin_us(), index_.end_us());
+void LogPlayer::set_from(Utime utime) {
+  from_ = std::clamp(utime, index_.begin_utime(), index_.end_utime());
   since_ = Clock::now();
 }
 
@@ -71,11 +70,11 @@ void LogPlayer::feed(std::size_t entry) {
 }
 
 // The newest of every kind from before the last second, then all of that second.
-void LogPlayer::go_back_to(std::int64_t utime) {
+void LogPlayer::go_back_to(Utime utime) {
   picture_.clear();
   const auto& entries = index_.entries();
-  const auto first = std::lower_bound(entries.begin(), entries.end(), utime - kBefore_us,
-                                      [](const LogIndex::Entry& entry, std::int64_t t) { return entry.utime < t; });
+  const auto first = std::lower_bound(entries.begin(), entries.end(), utime - kBefore,
+                                      [](const LogIndex::Entry& entry, Utime t) { return entry.utime < t; });
   next_ = static_cast<std::size_t>(first - entries.begin());
   std::vector<std::uint32_t> newest;
   for (const std::vector<std::uint32_t>& kind : index_.by_kind()) {
@@ -87,24 +86,23 @@ void LogPlayer::go_back_to(std::int64_t utime) {
 }
 
 PictureSource::Moment LogPlayer::now() {
-  const std::int64_t wanted = wanted_us();
-  if (wanted < shown_us_ || wanted > shown_us_ + 2 * kBefore_us) go_back_to(wanted);
-  while (next_ < index_.entries().size() && index_.entries()[next_].utime <= wanted) feed(next_++);
-  shown_us_ = wanted;
-  if (playing_ && wanted == index_.end_us()) {
+  const Utime utime = wanted();
+  if (utime < shown_ || utime > shown_ + 2 * kBefore) go_back_to(utime);
+  while (next_ < index_.entries().size() && index_.entries()[next_].utime <= utime) feed(next_++);
+  shown_ = utime;
+  if (playing_ && utime == index_.end_utime()) {
     playing_ = false;
-    set_from(wanted);
+    set_from(utime);
   }
-  return {picture_, shown_us_};
+  return {picture_, shown_};
 }
 
 Json LogPlayer::describe() {
-  const auto seconds = [this](std::int64_t utime) { return 1e-6 * static_cast<double>(utime - index_.begin_us()); };
   return {{"mode", "log"},
           {"names", index_.paths()},
           {"damaged_bytes", index_.skipped()},
-          {"length_s", seconds(index_.end_us())},
-          {"at_s", seconds(shown_us_)},
+          {"length_s", to_seconds(index_.length())},
+          {"at_s", to_seconds(shown_ - index_.begin_utime())},
           {"playing", playing_},
           {"speed", speed_}};
 }
@@ -113,23 +111,23 @@ void LogPlayer::control(const Json& command) {
   if (command.contains("goal")) throw std::runtime_error("a log cannot be given goals");
   if (command.contains("play")) {
     const bool play = command["play"].get<bool>();
-    set_from(play && wanted_us() == index_.end_us() ? index_.begin_us() : wanted_us());
+    set_from(play && wanted() == index_.end_utime() ? index_.begin_utime() : wanted());
     playing_ = play;
   }
   if (command.contains("seek")) {
     const double seek_s = command["seek"].get<double>();
-    const double length_s = 1e-6 * static_cast<double>(index_.end_us() - index_.begin_us());
+    const double length_s = to_seconds(index_.length());
     if (!(seek_s >= 0.0 && seek_s <= length_s)) {
       throw std::runtime_error("seek " + std::to_string(seek_s) + " s: must be within [0, " + std::to_string(length_s) +
                                "]");
     }
-    set_from(index_.begin_us() + static_cast<std::int64_t>(1e6 * seek_s));
+    set_from(index_.begin_utime() + to_duration(seek_s));
   }
   if (command.contains("speed")) {
     const double speed = command["speed"].get<double>();
     if (!(speed >= kMinSpeed && speed <= kMaxSpeed))
       throw std::runtime_error("speed " + std::to_string(speed) + ": must be within [0.01, 100]");
-    set_from(wanted_us());
+    set_from(wanted());
     speed_ = speed;
   }
 }

@@ -19,7 +19,7 @@ class LogIndex {
   explicit LogIndex(const std::vector<std::string>& paths);
 
   struct Entry {
-    std::int64_t utime;   // when it was recorded
+    Utime utime;          // when it was recorded
     std::int64_t offset;  // in its file
     std::uint32_t kind;   // channel, robot and part of a map
     std::uint32_t file;
@@ -29,8 +29,9 @@ class LogIndex {
   const std::vector<Entry>& entries() const { return entries_; }  // ascending in utime; never empty
   // Which entries are of a kind, ascending.
   const std::vector<std::vector<std::uint32_t>>& by_kind() const { return by_kind_; }
-  std::int64_t begin_us() const { return entries_.front().utime; }
-  std::int64_t end_us() const { return entries_.back().utime; }
+  Utime begin_utime() const { return entries_.front().utime; }
+  Utime end_utime() const { return entries_.back().utime; }
+  Duration length() const { return end_utime() - begin_utime(); }
   std::int64_t skipped() const { return skipped_; }  // bytes that are no events
 
  private:
@@ -52,17 +53,17 @@ class LogPlayer : public PictureSource {
 
  private:
   using Clock = std::chrono::steady_clock;
-  std::int64_t wanted_us() const;
-  void set_from(std::int64_t utime);  // where it plays from, as of now
-  void go_back_to(std::int64_t utime);
+  Utime wanted() const;
+  void set_from(Utime utime);  // where it plays from, as of now
+  void go_back_to(Utime utime);
   void feed(std::size_t entry);
 
   const LogIndex& index_;
   std::vector<LcmLog> logs_;
   SwarmPicture picture_;
-  std::size_t next_ = 0;       // entry that was not fed yet
-  std::int64_t shown_us_ = 0;  // the picture is of then
-  std::int64_t from_us_ = 0;   // it was, at `since_`
+  std::size_t next_ = 0;  // entry that was not fed yet
+  Utime shown_{};         // the picture is of then
+  Utime from_{};          // it was, at `since_`
   Clock::time_point since_;
   bool playing_ = true;
   double speed_ = 1.0;

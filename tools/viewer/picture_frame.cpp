@@ -37,17 +37,17 @@ void append(const Eigen::Vector3d& point, std::vector<float>* numbers) {
   for (int axis = 0; axis < 3; ++axis) numbers->push_back(static_cast<float>(point[axis]));
 }
 
-Json trajectory_json(const Trajectory& trajectory, std::int64_t now_us, FrameWriter* writer) {
+Json trajectory_json(const Trajectory& trajectory, Utime now, FrameWriter* writer) {
   if (trajectory.empty()) return nullptr;
   std::vector<float> points;
   const int count = trajectory.num_pieces() * kPointsPerPiece;
   for (int i = 0; i <= count; ++i) {
-    const std::int64_t utime = trajectory.start_utime() + std::int64_t{trajectory.piece_us()} * i / kPointsPerPiece;
+    const Utime utime = trajectory.start_utime() + i * trajectory.piece() / kPointsPerPiece;
     append(trajectory.state_at(utime).position, &points);
   }
   return {{"seq", trajectory.seq()},
-          {"start_utime", trajectory.start_utime()},
-          {"ends_in_s", rounded(1e-6 * static_cast<double>(trajectory.end_utime() - now_us))},
+          {"start_utime", to_us(trajectory.start_utime())},
+          {"ends_in_s", rounded(to_seconds(trajectory.end_utime() - now))},
           {"points", writer->array(std::span<const float>(points))}};
 }
 
@@ -109,12 +109,12 @@ Json broadcast_json(const broadcast_status_t& status) {
           {"refused", refused_json(status)}};
 }
 
-Json traffic_json(const RobotPicture& robot, std::int64_t now_us) {
+Json traffic_json(const RobotPicture& robot, Utime now) {
   Json all = Json::object();
   for (const auto& [channel, traffic] : robot.traffic) {
     if (channel == channel::kPeerTrajectory) continue;  // says what others heard of it
-    all[channel] = {{"rate_hz", traffic.rate_hz(now_us)},
-                    {"age_s", rounded(traffic.age_s(now_us))},
+    all[channel] = {{"rate_hz", traffic.rate_hz(now)},
+                    {"age_s", rounded(traffic.age_s(now))},
                     {"heard", traffic.heard()},
                     {"missing", traffic.missing()}};
   }
@@ -133,35 +133,35 @@ void FrameWriter::finish(const Json& text, std::vector<std::uint8_t>* bytes) con
   bytes->insert(bytes->end(), arrays_.begin(), arrays_.end());
 }
 
-Json robots_json(const SwarmPicture& picture, std::int64_t now_us, FrameWriter* writer) {
+Json robots_json(const SwarmPicture& picture, Utime now, FrameWriter* writer) {
   Json all = Json::array();
   for (const auto& [id, robot] : picture.robots()) {
     Json json = {{"id", id}};
     if (robot.radius_m > 0.0) json["radius"] = rounded(robot.radius_m);
-    if (const auto position = robot.position(now_us)) json["position"] = vector_json(*position);
+    if (const auto position = robot.position(now)) json["position"] = vector_json(*position);
     if (robot.state) json["yaw"] = rounded(robot.state->yaw);
     if (robot.goal) json["goal"] = vector_json(robot.goal->position);
     if (!robot.motion.committed.empty()) {
-      json["speed"] = rounded(robot.motion.at(now_us).velocity.norm());
-      json["announcement_age_s"] = rounded(robot.announcements.age_s(now_us));
-      json["committed"] = trajectory_json(robot.motion.committed, now_us, writer);
-      json["next"] = trajectory_json(robot.motion.next, now_us, writer);
-      json["pending"] = trajectory_json(robot.pending, now_us, writer);
+      json["speed"] = rounded(robot.motion.at(now).velocity.norm());
+      json["announcement_age_s"] = rounded(robot.announcements.age_s(now));
+      json["committed"] = trajectory_json(robot.motion.committed, now, writer);
+      json["next"] = trajectory_json(robot.motion.next, now, writer);
+      json["pending"] = trajectory_json(robot.pending, now, writer);
     }
     if (robot.planner) json["planner"] = planner_json(*robot.planner);
     if (robot.map) json["map"] = map_json(*robot.map);
     if (robot.broadcast) json["broadcast"] = broadcast_json(*robot.broadcast);
-    json["traffic"] = traffic_json(robot, now_us);
+    json["traffic"] = traffic_json(robot, now);
     json["has_sogm"] = robot.sogm.num_frames > 0;
     all.push_back(std::move(json));
   }
   return all;
 }
 
-Json obstacles_json(const SwarmPicture& picture, std::int64_t now_us) {
+Json obstacles_json(const SwarmPicture& picture, Utime now) {
   static constexpr std::array kShapes = {"column", "ring", "box", "sphere"};
   Json all = Json::array();
-  for (const auto& [id, obstacle] : picture.obstacles(now_us)) {
+  for (const auto& [id, obstacle] : picture.obstacles(now)) {
     all.push_back({{"id", id},
                    {"shape", name_of(kShapes, obstacle.shape)},
                    {"position", vector_json(obstacle.position)},
@@ -179,8 +179,8 @@ Json sogm_json(const Sogm& sogm, int frame, FrameWriter* writer) {
   const auto* numbers = reinterpret_cast<const std::int16_t*>(surface.data());
   return {{"frame", frame},
           {"num_frames", sogm.num_frames},
-          {"frame_duration_s", 1e-6 * static_cast<double>(sogm.frame_duration_us)},
-          {"start_utime", sogm.start_utime},
+          {"frame_duration_s", to_seconds(sogm.frame_duration)},
+          {"start_utime", to_us(sogm.start_utime)},
           {"resolution", sogm.geometry.resolution_m},
           {"origin", {sogm.geometry.origin.x(), sogm.geometry.origin.y(), sogm.geometry.origin.z()}},
           {"size", {sogm.geometry.size.x(), sogm.geometry.size.y(), sogm.geometry.size.z()}},

@@ -34,9 +34,9 @@ class FrameWriter {
 };
 
 // Places [m], goals, trajectories as float32 triples, ages [s], rates [Hz] and counters of every robot.
-Json robots_json(const SwarmPicture& picture, std::int64_t now_us, FrameWriter* writer);
+Json robots_json(const SwarmPicture& picture, Utime now, FrameWriter* writer);
 
-Json obstacles_json(const SwarmPicture& picture, std::int64_t now_us);
+Json obstacles_json(const SwarmPicture& picture, Utime now);
 
 // The surface voxels of a frame, or for -1 of all, each with the first frame that it is occupied in: int16 x, y, z in
 // the window, frame.

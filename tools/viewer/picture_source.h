@@ -1,8 +1,6 @@
 // Where a browser's picture comes from: the buses as they are, or a log.
 #pragma once
 
-#include <cstdint>
-
 #include "tools/viewer/picture_frame.h"
 
 namespace swarm {
@@ -13,7 +11,7 @@ class PictureSource {
 
   struct Moment {
     const SwarmPicture& picture;
-    std::int64_t utime;  // that it is of [us since epoch]
+    Utime utime;  // that it is of
   };
   virtual Moment now() = 0;
   // For the page: {"mode": ...} and what is special to it.

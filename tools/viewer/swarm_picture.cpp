@@ -1,6 +1,6 @@
 #include "tools/viewer/swarm_picture.h"
 
-#include <cmath>
+#include <algorithm>
 #include <type_traits>
 #include <utility>
 
@@ -12,50 +12,48 @@ using namespace sogm_swarm;
 
 namespace {
 
-constexpr std::int64_t kSecond_us = 1'000'000;
-constexpr std::int64_t kStateAge_us = 500'000;  // older measurements give way to what the robot flies
+constexpr Duration kStateAge = 500ms;  // older measurements give way to what the robot flies
 
-bool within(std::int64_t span_us, std::int64_t now_us, std::int64_t then_us) {
-  return std::abs(now_us - then_us) <= span_us;  // clocks may jump back
+bool within(Duration span, Utime now, Utime then) {
+  return std::chrono::abs(now - then) <= span;  // clocks may jump back
 }
 
 }  // namespace
 
-bool Traffic::is_news(std::int64_t now_us, const header_t& header) const {
-  return heard_ == 0 || !is_fresh(now_us) || std::pair(header.boot, header.seq) > std::pair(boot_, seq_);
+bool Traffic::is_news(Utime now, const header_t& header) const {
+  return heard_ == 0 || !is_fresh(now) || std::pair(header.boot, header.seq) > std::pair(boot_, seq_);
 }
 
-void Traffic::count(std::int64_t now_us, const header_t& header) {
+void Traffic::count(Utime now, const header_t& header) {
   if (header.boot == boot_ && header.seq > seq_) missing_ += header.seq - seq_ - 1;
   if (header.boot != boot_ || header.seq < seq_) missing_ = heard_ = 0;  // it has started again, or a log has
   boot_ = header.boot;
   seq_ = header.seq;
-  newest_us_ = now_us;
+  newest_ = now;
   ++heard_;
-  while (!arrivals_.empty() && (!within(kSecond_us, now_us, arrivals_.front()) || arrivals_.size() >= kMost))
+  while (!arrivals_.empty() && (!within(1s, now, arrivals_.front()) || arrivals_.size() >= kMost))
     arrivals_.pop_front();
-  arrivals_.push_back(now_us);
+  arrivals_.push_back(now);
 }
 
-double Traffic::rate_hz(std::int64_t now_us) const {
-  return static_cast<double>(std::count_if(arrivals_.begin(), arrivals_.end(), [now_us](std::int64_t arrival) {
-    return within(kSecond_us, now_us, arrival);
-  }));
+double Traffic::rate_hz(Utime now) const {
+  return static_cast<double>(
+      std::count_if(arrivals_.begin(), arrivals_.end(), [now](Utime arrival) { return within(1s, now, arrival); }));
 }
 
-bool Traffic::is_fresh(std::int64_t now_us) const {
-  return heard_ > 0 && within(kSecond_us, now_us, newest_us_);
+bool Traffic::is_fresh(Utime now) const {
+  return heard_ > 0 && within(1s, now, newest_);
 }
 
-std::optional<Eigen::Vector3d> RobotPicture::position(std::int64_t now_us) const {
-  if (state && within(kStateAge_us, now_us, state->header.utime)) return Eigen::Vector3d(state->position);
-  if (!motion.committed.empty()) return motion.at(now_us).position;
+std::optional<Eigen::Vector3d> RobotPicture::position(Utime now) const {
+  if (state && within(kStateAge, now, to_utime(state->header.utime))) return Eigen::Vector3d(state->position);
+  if (!motion.committed.empty()) return motion.at(now).position;
   return state ? std::optional(Eigen::Vector3d(state->position)) : std::nullopt;
 }
 
-void RobotPicture::keep(std::int64_t now_us, const announcement_t& message) {
-  if (!announcements.is_news(now_us, message.header)) return;  // it came another way as well
-  announcements.count(now_us, message.header);
+void RobotPicture::keep(Utime now, const announcement_t& message) {
+  if (!announcements.is_news(now, message.header)) return;  // it came another way as well
+  announcements.count(now, message.header);
   radius_m = message.radius;
   motion = motion_of(message);
   pending = pending_of(message);
@@ -69,19 +67,19 @@ Refusal RobotPicture::keep(const sogm_t& part, bool was_silent) {
 }
 
 template <class T>
-Refusal SwarmPicture::take(std::int64_t now_us, std::string_view channel, const T& message) {
+Refusal SwarmPicture::take(Utime now, std::string_view channel, const T& message) {
   const int id = message.header.robot_id;
   if (!robots_.contains(id) && robots_.size() >= kMaxRobots) return Refusal::kRobot;
   RobotPicture& robot = robots_[id];
   Traffic& traffic = robot.traffic.try_emplace(std::string(channel)).first->second;
-  const bool was_silent = !traffic.is_fresh(now_us), is_news = traffic.is_news(now_us, message.header);
+  const bool was_silent = !traffic.is_fresh(now), is_news = traffic.is_news(now, message.header);
   // What comes twice, or late, changes nothing. Parts of a map all have one number: the assembler knows.
   if (!is_news && !std::is_same_v<T, sogm_t>) return Refusal::kNone;
-  if (is_news) traffic.count(now_us, message.header);
-  newest_utime_ = message.header.utime;
-  newest_came_us_ = now_us;
+  if (is_news) traffic.count(now, message.header);
+  newest_utime_ = to_utime(message.header.utime);
+  newest_came_ = now;
   if constexpr (std::is_same_v<T, sogm_t>) return robot.keep(message, was_silent);
-  if constexpr (std::is_same_v<T, announcement_t>) robot.keep(now_us, message);
+  if constexpr (std::is_same_v<T, announcement_t>) robot.keep(now, message);
   if constexpr (std::is_same_v<T, robot_state_t>) robot.state = message;
   if constexpr (std::is_same_v<T, goal_t>) robot.goal = message;
   if constexpr (std::is_same_v<T, obstacles_t>) robot.obstacles = message;
@@ -92,26 +90,27 @@ Refusal SwarmPicture::take(std::int64_t now_us, std::string_view channel, const 
   return Refusal::kNone;
 }
 
-Refusal SwarmPicture::add(std::int64_t now_us, std::string_view channel, std::span<const std::uint8_t> bytes) {
+Refusal SwarmPicture::add(Utime now, std::string_view channel, std::span<const std::uint8_t> bytes) {
   ++messages_;
   Refusal taken = Refusal::kNone;
-  const auto read = visit_message(channel, bytes, [&](const auto& message) { taken = take(now_us, channel, message); });
+  const auto read = visit_message(channel, bytes, [&](const auto& message) { taken = take(now, channel, message); });
   const Refusal refusal = read.value_or(Refusal::kNone) == Refusal::kNone ? taken : *read;
   if (refusal != Refusal::kNone) refused_.count(refusal);
   return refusal;
 }
 
-std::map<int, obstacle_t> SwarmPicture::obstacles(std::int64_t now_us) const {
+std::map<int, obstacle_t> SwarmPicture::obstacles(Utime now) const {
   std::map<int, obstacle_t> found;
-  std::map<int, std::int64_t> told_us;
+  std::map<int, Utime> told_utime;
   for (const auto& [id, robot] : robots_) {
-    if (!robot.obstacles || !within(kSecond_us, now_us, robot.obstacles->header.utime)) continue;
-    const std::int64_t utime = robot.obstacles->header.utime;
+    if (!robot.obstacles) continue;
+    const Utime utime = to_utime(robot.obstacles->header.utime);
+    if (!within(1s, now, utime)) continue;
     for (const obstacle_t& told : robot.obstacles->obstacles) {
-      if (told_us.contains(told.id) && told_us[told.id] >= utime) continue;
-      told_us[told.id] = utime;
+      if (told_utime.contains(told.id) && told_utime[told.id] >= utime) continue;
+      told_utime[told.id] = utime;
       obstacle_t& moved = found[told.id] = told;
-      const double ahead_s = told.age_s + 1e-6 * static_cast<double>(now_us - utime);
+      const double ahead_s = told.age_s + to_seconds(now - utime);
       for (int axis = 0; axis < 3; ++axis) moved.position[axis] += ahead_s * told.velocity[axis];
     }
   }

@@ -22,19 +22,20 @@ class Traffic {
  public:
   // Whether the message is newer than what came before by (boot, seq). After a second of silence whatever comes is: a
   // log may be played again.
-  bool is_news(std::int64_t now_us, const sogm_swarm::header_t& header) const;
-  void count(std::int64_t now_us, const sogm_swarm::header_t& header);
+  bool is_news(Utime now, const sogm_swarm::header_t& header) const;
+  void count(Utime now, const sogm_swarm::header_t& header);
 
-  double rate_hz(std::int64_t now_us) const;  // over the last second
-  double age_s(std::int64_t now_us) const { return 1e-6 * static_cast<double>(now_us - newest_us_); }
-  bool is_fresh(std::int64_t now_us) const;          // heard within the last second
+  double rate_hz(Utime now) const;  // over the last second
+  double age_s(Utime now) const { return to_seconds(now - newest_); }
+  bool is_fresh(Utime now) const;                    // heard within the last second
   std::int64_t missing() const { return missing_; }  // numbers that never came, since the sender's start
   std::int64_t heard() const { return heard_; }
 
  private:
   static constexpr std::size_t kMost = 2000;  // that are counted for the rate
-  std::deque<std::int64_t> arrivals_;         // within the last second before the newest
-  std::int64_t newest_us_ = 0, heard_ = 0, missing_ = 0, seq_ = -1;
+  std::deque<Utime> arrivals_;                // within the last second before the newest
+  Utime newest_{};
+  std::int64_t heard_ = 0, missing_ = 0, seq_ = -1;
   std::int32_t boot_ = -1;
 };
 
@@ -55,11 +56,11 @@ struct RobotPicture {
   std::int64_t num_maps = 0;  // that came whole
 
   // Where it is: measured, or else by what it flies. Nothing: not known.
-  std::optional<Eigen::Vector3d> position(std::int64_t now_us) const;
+  std::optional<Eigen::Vector3d> position(Utime now) const;
 
  private:
   friend class SwarmPicture;
-  void keep(std::int64_t now_us, const sogm_swarm::announcement_t& message);
+  void keep(Utime now, const sogm_swarm::announcement_t& message);
   Refusal keep(const sogm_swarm::sogm_t& part, bool was_silent);
 
   std::unique_ptr<SogmAssembler> assembler_;
@@ -71,24 +72,25 @@ class SwarmPicture {
 
   // One message of any channel; of channels that are none of ours nothing is kept. Refusals are
   // counted; what comes twice or late is none.
-  Refusal add(std::int64_t now_us, std::string_view channel, std::span<const std::uint8_t> bytes);
+  Refusal add(Utime now, std::string_view channel, std::span<const std::uint8_t> bytes);
   void clear() { *this = SwarmPicture(); }
 
   const std::map<int, RobotPicture>& robots() const { return robots_; }
-  // Obstacles that were told of within the last second, by whoever told last, moved on to `now_us`.
-  std::map<int, sogm_swarm::obstacle_t> obstacles(std::int64_t now_us) const;
+  // Obstacles that were told of within the last second, by whoever told last, moved on to `now`.
+  std::map<int, sogm_swarm::obstacle_t> obstacles(Utime now) const;
   std::int64_t messages() const { return messages_; }  // taken or refused
   const RefusalCounts& refused() const { return refused_; }
   // How long before it came the content of the newest message was valid [s]: of clocks that differ, or a log.
-  double newest_age_s() const { return 1e-6 * static_cast<double>(newest_came_us_ - newest_utime_); }
-  std::int64_t newest_came_us() const { return newest_came_us_; }  // 0: none came
+  double newest_age_s() const { return to_seconds(newest_came_ - newest_utime_); }
+  Utime newest_came() const { return newest_came_; }  // the epoch: none came
 
  private:
   template <class T>
-  Refusal take(std::int64_t now_us, std::string_view channel, const T& message);
+  Refusal take(Utime now, std::string_view channel, const T& message);
 
   std::map<int, RobotPicture> robots_;
-  std::int64_t messages_ = 0, newest_utime_ = 0, newest_came_us_ = 0;
+  std::int64_t messages_ = 0;
+  Utime newest_utime_{}, newest_came_{};
   RefusalCounts refused_;
 };
 

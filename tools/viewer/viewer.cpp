@@ -30,7 +30,7 @@ void Viewer::next_frame(std::vector<std::uint8_t>* bytes) {
   writer_.clear();
   const auto& [picture, utime] = source_->now();
   Json text = source_->describe();
-  text["utime"] = utime;
+  text["utime"] = to_us(utime);
   text["messages"] = picture.messages();
   text["refused"] = picture.refused().total();
   text["robots"] = robots_json(picture, utime, &writer_);

@@ -5,7 +5,6 @@
 #include <boost/beast/core.hpp>
 #include <boost/beast/http.hpp>
 #include <boost/beast/websocket.hpp>
-#include <chrono>
 #include <list>
 #include <optional>
 #include <stdexcept>
@@ -22,8 +21,8 @@ using beast::error_code;
 using Request = http::request<http::string_body>;
 using Response = http::response<http::string_body>;
 
-constexpr auto kPatience = std::chrono::seconds(20);  // with a silent browser
-constexpr int kSendBuffer = 1 << 17;                  // bytes, of the kernel: what waits there is late
+constexpr Duration kPatience = 20s;   // with a silent browser
+constexpr int kSendBuffer = 1 << 17;  // bytes, of the kernel: what waits there is late
 constexpr std::uint64_t kMaxBody = 1024;
 
 // Whether "name:port" names this server as only its own user would: other names can be made to point here by anybody.
@@ -234,7 +233,7 @@ void WebServer::Impl::accept() {
 }
 
 void WebServer::Impl::tick() {
-  timer_.expires_after(std::chrono::milliseconds(kFrame_ms));
+  timer_.expires_after(kFrame);
   streams_.remove_if([](const std::weak_ptr<Stream>& stream) { return stream.expired(); });
   for (const auto& stream : streams_)
     if (const auto watching = stream.lock()) watching->tick();

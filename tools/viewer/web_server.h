@@ -11,6 +11,8 @@
 #include <string_view>
 #include <vector>
 
+#include "lcmtypes/bus/time.h"
+
 namespace swarm {
 
 // One browser's end of the stream.
@@ -30,7 +32,7 @@ class WebServer {
  public:
   static constexpr std::size_t kMaxMessage = 4096;  // bytes, of a browser
   static constexpr int kMaxConnections = 64;        // beyond them they are closed at once
-  static constexpr int kFrame_ms = 33;              // between two frames
+  static constexpr Duration kFrame = 33ms;          // between two frames
 
   using Files = std::map<std::string, WebFile>;  // by path, "/" first of all
   using MakeClient = std::function<std::unique_ptr<WebClient>()>;

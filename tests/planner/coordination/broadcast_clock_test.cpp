@@ -1,45 +1,37 @@
-// Setpoints while the wall clock is set: they go on at their rate, along what was committed, and never jump.
-#include <string>
+// Setpoints while the wall clock is set: they go on at their rate, along what was committed, and never jump. And what
+// wrong clocks of peers hinder.
+#include <vector>
 
-#include "lcmtypes/bus/channels.h"
-#include "planner_daemon/coordination/broadcast_node.h"
-#include "tests/support/harness.h"
+#include "tests/support/broadcast_robot.h"
 
 namespace swarm::test {
 namespace {
 
-using sogm_swarm::announcement_t;
-using sogm_swarm::broadcast_status_t;
-using sogm_swarm::candidate_t;
 using sogm_swarm::setpoint_t;
 
 const Eigen::Vector3d kHome(0, 0, 1);
 
-struct Kept {
-  MemoryPromiseStore promises;
-};
-
 // A robot without peers: what it proposes is committed at once.
 struct Loner : Kept, Bench<BroadcastNode> {
-  Loner() : Bench(make_config(), promises, 77) { send(channel::kRobotState, state_at(0, kHome, 0, now_us)); }
+  Loner() : Bench(make_config(), promises, 77) { send(channel::kRobotState, state_at(0, kHome, 0, now)); }
   static BroadcastConfig make_config() {
     BroadcastConfig config;
     config.roster = {0};
     return config;
   }
   void propose(const Eigen::Vector3d& to, double seconds = 2.5) {
-    const std::int64_t start_us = now_us + 100'000;
+    const Utime start = now + 100ms;
     candidate_t candidate{};
-    candidate.header = make_header(0, 1, candidates++, now_us);
-    candidate.trajectory = quintic_to(node.motion()->at(start_us), start_us, to, seconds).to_wire();
+    candidate.header = make_header(0, 1, candidates++, now);
+    candidate.trajectory = quintic_to(node.motion()->at(start), start, to, seconds).to_wire();
     send(channel::kCandidate, candidate);
   }
   // One step, when it is wanted; true when the clock's step was taken.
   bool turn() {
-    const bool is_asked = wall_ahead_us != 0;
-    now_us = wake_us;
+    const bool is_asked = wall_ahead != 0us;
+    now = wake;
     step();
-    return is_asked && wall_ahead_us == 0;
+    return is_asked && wall_ahead == 0us;
   }
   broadcast_status_t status() const { return out.newest<broadcast_status_t>(channel::kBroadcastStatus); }
 
@@ -47,36 +39,38 @@ struct Loner : Kept, Bench<BroadcastNode> {
 };
 
 TEST(BroadcastClock, SetpointsGoOnWhenTheWallClockIsSet) {
-  for (const std::int64_t step_us : {-5'000'000, -5'003'217, 500'000, -1'000'000, 10'000'000, -25'000}) {
-    SCOPED_TRACE(step_us);
+  for (const Duration step :
+       {Duration(-5s), -5'003'217us, Duration(500ms), Duration(-1s), Duration(10s), Duration(-25ms)}) {
+    SCOPED_TRACE(step.count());
     Loner robot;
     robot.run_for(0.2);
     robot.propose({2, 0, 1});
-    const std::int64_t start_us = robot.now_us;
+    const Utime start = robot.now;
     robot.run_for(1.0);
     const Motion motion = *robot.node.motion();
-    const std::int64_t end_us = motion.end_utime();
-    ASSERT_GT(motion.at(robot.now_us).velocity.norm(), 1.0);
-    robot.wall_ahead_us = step_us;
+    const Utime end = motion.end_utime();
+    ASSERT_GT(motion.at(robot.now).velocity.norm(), 1.0);
+    robot.wall_ahead = step;
     robot.step();
     robot.propose({0, 0, 1});
     EXPECT_EQ(robot.node.rejected(Rejection::kClock), 1);
 
-    std::int64_t shift_us = 0, last_us = robot.now_us, taken_us = 0;
+    Duration shift{};
+    Utime last = robot.now, taken{};
     int setpoints = robot.out.count(channel::kSetpoint), begun_with = setpoints;
-    while (robot.now_us - shift_us < start_us + 5'000'000) {
-      if (robot.turn()) shift_us = step_us, taken_us = robot.now_us - shift_us;
+    while (robot.now - shift < start + 5s) {
+      if (robot.turn()) shift = step, taken = robot.now - shift;
       if (robot.out.count(channel::kSetpoint) == setpoints) continue;
       ++setpoints;
       const auto setpoint = robot.out.newest<setpoint_t>(channel::kSetpoint);
-      const std::int64_t really_us = setpoint.header.utime - shift_us;
-      EXPECT_LE(really_us - last_us, 20'000);
-      EXPECT_LT((Eigen::Vector3d(setpoint.position) - motion.at(really_us).position).norm(), 1e-4);
-      last_us = really_us;
+      const Utime really = to_utime(setpoint.header.utime) - shift;
+      EXPECT_LE(really - last, 20ms);
+      EXPECT_LT((Eigen::Vector3d(setpoint.position) - motion.at(really).position).norm(), 1e-4);
+      last = really;
     }
     EXPECT_NEAR(setpoints - begun_with, 400, 2);
-    EXPECT_GE(taken_us, end_us);
-    EXPECT_LE(taken_us, end_us + 10'000);
+    EXPECT_GE(taken, end);
+    EXPECT_LE(taken, end + 10ms);
     int doubtful = 0;
     for (const auto& status : robot.out.all<broadcast_status_t>(channel::kBroadcastStatus))
       doubtful += status.state == broadcast_status_t::kClock;
@@ -84,13 +78,13 @@ TEST(BroadcastClock, SetpointsGoOnWhenTheWallClockIsSet) {
 
     // Whatever it is bound to now has begun, and survives a crash.
     const auto told = robot.out.newest<announcement_t>(channel::kOwnTrajectory);
-    EXPECT_LE(told.committed.start_utime, robot.now_us);
+    EXPECT_LE(to_utime(told.committed.start_utime), robot.now);
     EXPECT_EQ(load_promise(robot.promises, 0, 1).motion->seq(), told.committed.seq);
     EXPECT_EQ(robot.status().state, broadcast_status_t::kFlying);
     robot.propose({0, 0, 1});
     EXPECT_EQ(robot.node.protocol().commits(), 2);
     robot.run_for(3.0);
-    EXPECT_LT((robot.node.motion()->at(robot.now_us).position - kHome).norm(), 1e-3);
+    EXPECT_LT((robot.node.motion()->at(robot.now).position - kHome).norm(), 1e-3);
   }
 }
 
@@ -98,21 +92,21 @@ TEST(BroadcastClock, AStepThatIsTakenBackIsForgotten) {
   Loner robot;
   robot.propose({2, 0, 1});
   robot.run_for(1.0);
-  EXPECT_FALSE(robot.node.on_clock_step(robot.now_us, 3'000'000));
+  EXPECT_FALSE(robot.node.on_clock_step(robot.now, 3s));
   robot.propose({0, 0, 1});
   EXPECT_EQ(robot.node.rejected(Rejection::kClock), 1);
-  EXPECT_FALSE(robot.node.on_clock_step(robot.now_us, 0));
+  EXPECT_FALSE(robot.node.on_clock_step(robot.now, 0us));
   robot.propose({0, 0, 1});
   EXPECT_EQ(robot.node.protocol().commits(), 2);
 }
 
 // A log that is played again asks nobody.
 TEST(BroadcastClock, UnaskedItGoesOnAtItsRate) {
-  for (const std::int64_t step_us : {-5'000'000, 10'000'000}) {
-    SCOPED_TRACE(step_us);
+  for (const Duration step : {-5s, 10s}) {
+    SCOPED_TRACE(step.count());
     Loner robot;
     robot.run_for(1.0);
-    robot.now_us += step_us;
+    robot.now += step;
     robot.step();
     const int setpoints = robot.out.count(channel::kSetpoint), statuses = robot.out.count(channel::kBroadcastStatus);
     const int announcements = robot.out.count(channel::kOwnTrajectory);
@@ -128,32 +122,31 @@ TEST(BroadcastClock, UnaskedItGoesOnAtItsRate) {
 // What peers do, they do when they did, and each must be heard again by the new clock: else a robot whose clock is
 // wrong would fly through where a peer is.
 TEST(BroadcastClock, PeersMoveWhenTheyDidAndAreAwaited) {
-  for (const std::int64_t step_us : {5'000'000, -60'000'000}) {
-    SCOPED_TRACE(step_us);
+  for (const Duration step : {5s, -60s}) {
+    SCOPED_TRACE(step.count());
     CommitProtocol ours({.robot_id = 0, .roster = {0, 1}}), theirs({.robot_id = 1, .roster = {0, 1}});
-    ours.start({Trajectory::hover(1, kStart_us, kHome), {}});
-    Motion flies{Trajectory::hover(1, kStart_us, {3, 0, 1}), {}};
-    flies.next = quintic_to(flies.committed.at(kStart_us), kStart_us + 100'000, {3, 2, 1}, 2.0);
+    ours.start({Trajectory::hover(1, kStart, kHome), {}});
+    Motion flies{Trajectory::hover(1, kStart, {3, 0, 1}), {}};
+    flies.next = quintic_to(flies.committed.at(kStart), kStart + 100ms, {3, 2, 1}, 2.0);
     theirs.start(flies);
     std::int64_t seq = 0;
-    const auto say = [&](const CommitProtocol& from, int id, CommitProtocol* to, std::int64_t now_us) {
+    const auto say = [&](const CommitProtocol& from, int id, CommitProtocol* to, Utime utime) {
       announcement_t message = from.state();
-      message.header = make_header(id, 1, seq++, now_us);
-      ASSERT_TRUE(to->receive(now_us, message));
+      message.header = make_header(id, 1, seq++, utime);
+      ASSERT_TRUE(to->receive(utime, message));
     };
-    say(ours, 0, &theirs, kStart_us);
-    say(theirs, 1, &ours, kStart_us);
+    say(ours, 0, &theirs, kStart);
+    say(theirs, 1, &ours, kStart);
     ASSERT_TRUE(ours.all_hear());
     const Motion before = ours.peers().at(1).motion;
-    const std::int64_t now_us = kStart_us + 1'000'000, then_us = now_us + step_us;
-    ours.set_clock(then_us, step_us);
+    const Utime now = kStart + 1s, then = now + step;
+    ours.set_clock(then, step);
     EXPECT_FALSE(ours.all_hear());
     const Motion& after = ours.peers().at(1).motion;
-    for (std::int64_t t = 0; t < 3'000'000; t += 50'000)
-      EXPECT_EQ(after.at(then_us + t).position, before.at(now_us + t).position);
-    const Trajectory plan = quintic_to(ours.motion()->at(then_us), then_us + 200'000, {1, 0, 1}, 2.0);
-    EXPECT_EQ(ours.propose(then_us, plan), Rejection::kWaiting);
-    say(theirs, 1, &ours, then_us);
+    for (Duration t{}; t < 3s; t += 50ms) EXPECT_EQ(after.at(then + t).position, before.at(now + t).position);
+    const Trajectory plan = quintic_to(ours.motion()->at(then), then + 200ms, {1, 0, 1}, 2.0);
+    EXPECT_EQ(ours.propose(then, plan), Rejection::kWaiting);
+    say(theirs, 1, &ours, then);
     EXPECT_TRUE(ours.all_hear());
   }
 }
@@ -164,35 +157,96 @@ TEST(BroadcastClock, APromiseFromTheFutureIsNotFlownAgain) {
   robot.run_for(0.2);
   robot.propose({2, 0, 1});
   robot.run_for(0.3);
-  const Eigen::Vector3d place = robot.node.motion()->at(robot.now_us).position;
+  const Eigen::Vector3d place = robot.node.motion()->at(robot.now).position;
   ASSERT_LT((place - kHome).norm(), 0.4);  // so near to where the trajectory begins that it might begin again
   Bench<BroadcastNode> again(Loner::make_config(), robot.promises, 78);
-  again.now_us = robot.now_us - 60'000'000;
-  again.send(channel::kRobotState, state_at(0, place, 0, again.now_us));
+  again.now = robot.now - 60s;
+  again.send(channel::kRobotState, state_at(0, place, 0, again.now));
   const Motion motion = *again.node.motion();
-  for (std::int64_t t = 0; t < 70'000'000; t += 100'000) {
-    EXPECT_EQ(motion.at(again.now_us + t).velocity, Eigen::Vector3d::Zero());
-    EXPECT_LT((motion.at(again.now_us + t).position - place).norm(), 1e-6);
+  for (Duration t{}; t < 70s; t += 100ms) {
+    EXPECT_EQ(motion.at(again.now + t).velocity, Eigen::Vector3d::Zero());
+    EXPECT_LT((motion.at(again.now + t).position - place).norm(), 1e-6);
   }
   EXPECT_GT(motion.seq(), robot.node.motion()->seq());
-  EXPECT_TRUE(again.node.on_clock_step(again.now_us + 1'000'000, 60'000'000));
+  EXPECT_TRUE(again.node.on_clock_step(again.now + 1s, 60s));
 }
 
 TEST(BroadcastClock, WhatIsAnnouncedIsWithdrawnWhenTheClockIsSet) {
   CommitProtocol protocol({.robot_id = 1, .roster = {0, 1}});
-  protocol.start({Trajectory::hover(4, kStart_us, kHome), {}});
-  const Trajectory plan = quintic_to(protocol.motion()->at(kStart_us), kStart_us + 500'000, {1, 0, 1}, 2.0);
-  ASSERT_EQ(protocol.propose(kStart_us, plan, true), Rejection::kNone);
+  protocol.start({Trajectory::hover(4, kStart, kHome), {}});
+  const Trajectory plan = quintic_to(protocol.motion()->at(kStart), kStart + 500ms, {1, 0, 1}, 2.0);
+  ASSERT_EQ(protocol.propose(kStart, plan, true), Rejection::kNone);
   const std::int32_t seq = protocol.pending().seq();
   (void)protocol.take_news();
-  protocol.set_clock(kStart_us + 200'000, 100'000);
+  protocol.set_clock(kStart + 200ms, 100ms);
   EXPECT_TRUE(protocol.pending().empty());
   EXPECT_EQ(protocol.motion()->seq(), 4);  // over in the new time as in the old
   EXPECT_TRUE(protocol.take_news());
-  protocol.set_clock(kStart_us - 5'000'000, -5'200'000);
+  protocol.set_clock(kStart - 5s, -5200ms);
   EXPECT_GT(protocol.motion()->seq(), seq);
-  EXPECT_EQ(protocol.motion()->committed.start_utime(), kStart_us - 5'000'000);
-  EXPECT_LT((protocol.motion()->at(kStart_us).position - kHome).norm(), 1e-6);
+  EXPECT_EQ(protocol.motion()->committed.start_utime(), kStart - 5s);
+  EXPECT_LT((protocol.motion()->at(kStart).position - kHome).norm(), 1e-6);
+}
+
+TEST(BroadcastNode, CommitsNothingWhileClocksDisagree) {
+  Robot robot(0);
+  robot.send(channel::kTrajectory, robot.peers.at(1).message(robot.now + 10'001us, 0), BusId::kSwarm);
+  robot.propose(robot.plan({1, 0, 1}));
+  EXPECT_EQ(robot.node.rejected(Rejection::kClock), 1);
+  robot.run_for(1.0);
+  EXPECT_EQ(robot.out.newest<broadcast_status_t>(channel::kBroadcastStatus).state, broadcast_status_t::kClock);
+  robot.run_for(0.001);
+  robot.propose(robot.plan({1, 0, 1}));
+  EXPECT_EQ(robot.node.protocol().commits(), 1);
+}
+
+// A peer whose clock is behind or ahead is found out though its messages take longer than that; delays alone are not.
+TEST(BroadcastNode, CommitsNothingWhileAPeersClockIsWrong) {
+  for (const Duration ahead : {-20ms, 0ms, 20ms}) {
+    SCOPED_TRACE(to_ms(ahead));
+    Robot robot(0, false);
+    robot.send_state();
+    robot.hear(2);
+    constexpr Duration kDelay = 30ms;
+    for (int i = 0; i < 3 * ClockOffset::kEnough; ++i) {
+      Peer& peer = robot.peers.at(1);
+      peer.least_delay_us = static_cast<std::int32_t>((kDelay + ahead).count());  // of our announcements
+      const Utime sent = robot.now + ahead - kDelay;
+      robot.send(channel::kTrajectory, peer.message(sent, 0), BusId::kSwarm);
+      robot.run_for(0.02);
+    }
+    const auto status = robot.out.newest<broadcast_status_t>(channel::kBroadcastStatus);
+    EXPECT_NEAR(status.max_clock_offset_ms, std::abs(to_ms(ahead)), 1e-3);
+    EXPECT_EQ(status.state, ahead == 0us ? broadcast_status_t::kFlying : broadcast_status_t::kClock);
+    robot.propose(robot.plan({1, 0, 1}));
+    EXPECT_EQ(robot.node.rejected(Rejection::kClock), ahead == 0us ? 0 : 1);
+    EXPECT_EQ(robot.node.protocol().commits(), ahead == 0us ? 1 : 0);
+    robot.run_for(0.3);
+    robot.propose(robot.plan({1, 0, 1}), true);  // the last resort
+    robot.run_for(0.1);
+    EXPECT_EQ(robot.node.protocol().forced(), ahead == 0us ? 0 : 1);
+    std::vector<std::int32_t> told;
+    for (const announcement_t& message : robot.out.all<announcement_t>(channel::kTrajectory, BusId::kSwarm)) {
+      if (message.header.seq % 3 == 1) {
+        told.push_back(message.least_delay_us);
+      } else {
+        EXPECT_EQ(message.least_delay_us, announcement_t::kUnknown);
+      }
+    }
+    EXPECT_EQ(told.front(), announcement_t::kUnknown);
+    EXPECT_EQ(Duration(told.back()), kDelay - ahead);
+  }
+}
+
+// What was announced before a clock was found wrong is not committed after it.
+TEST(BroadcastNode, WhatWaitsIsNotCommittedWhileClocksDisagree) {
+  for (const bool disagree : {false, true}) {
+    Robot robot(1);
+    robot.propose(robot.plan({1, 0, 1}, 0.5));
+    if (disagree) robot.send(channel::kTrajectory, robot.peers.at(2).message(robot.now + 20ms, 1), BusId::kSwarm);
+    robot.hear_verdict(0, 2, ack_t::kAck);
+    EXPECT_EQ(robot.node.protocol().commits(), disagree ? 0 : 1);
+  }
 }
 
 }  // namespace

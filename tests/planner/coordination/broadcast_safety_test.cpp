@@ -19,8 +19,8 @@ using sogm_swarm::setpoint_t;
 class RandomSwarm {
  public:
   RandomSwarm(std::uint64_t seed, int robots) : random_(seed) {
-    static constexpr std::int64_t kDelays_us[] = {1'000, 20'000, 100'000, 300'000};
-    max_delay_us_ = kDelays_us[random_() % 4];
+    static constexpr Duration kDelays[] = {1ms, 20ms, 100ms, 300ms};
+    max_delay_ = kDelays[random_() % 4];
     max_loss_ = uniform(0.0, 0.8);
     std::vector<int> roster;
     for (int i = 0; i < robots; ++i) roster.push_back(i);
@@ -35,7 +35,7 @@ class RandomSwarm {
       links_.emplace_back();
       for (int j = 0; j < robots; ++j) {
         const bool dies = uniform(0, 1) < 0.1;
-        links_.back().push_back({uniform(0, max_loss_), dies ? kStart_us + 10'000'000 : INT64_MAX});
+        links_.back().push_back({uniform(0, max_loss_), dies ? kStart + 10s : kNever});
       }
     }
   }
@@ -43,11 +43,11 @@ class RandomSwarm {
   void run(double seconds) {
     for (auto& robot : robots_) {
       const Eigen::Vector3d place(robot->id % 2 - 0.5, robot->id / 2 - 0.5, 1.0);
-      now_us_ = kStart_us;
-      robot->deliver(BusId::kOnboard, channel::kRobotState, encoded(state_at(robot->id, place, 0, now_us_)));
+      now_ = kStart;
+      robot->deliver(BusId::kOnboard, channel::kRobotState, encoded(state_at(robot->id, place, 0, now_)));
     }
-    const std::int64_t end = kStart_us + std::llround(seconds * 1e6);
-    for (std::int64_t tick = kStart_us + 10'000; tick <= end && !testing::Test::HasFailure(); tick += 10'000) {
+    const Utime end = kStart + to_duration(seconds);
+    for (Utime tick = kStart + 10ms; tick <= end && !testing::Test::HasFailure(); tick += 10ms) {
       run_until(tick);
       judge_flight();
       for (auto& robot : robots_) maybe_plan(*robot);
@@ -68,8 +68,8 @@ class RandomSwarm {
   }
   std::string describe() const {
     std::ostringstream text;
-    text << robots_.size() << " robots, delay up to " << max_delay_us_ << " us, loss up to " << max_loss_ << ", "
-         << 1e-6 * static_cast<double>(now_us_ - kStart_us) << " s after the start";
+    text << robots_.size() << " robots, delay up to " << max_delay_.count() << " us, loss up to " << max_loss_ << ", "
+         << to_seconds(now_ - kStart) << " s after the start";
     return text.str();
   }
 
@@ -87,31 +87,31 @@ class RandomSwarm {
     }
     void deliver(BusId bus, const char* channel, const Bytes& bytes) {
       if (down()) return;
-      node->on_message(swarm.now_us_, bus, channel, bytes, *this);
+      node->on_message(swarm.now_, bus, channel, bytes, *this);
       step();
     }
     void step() {
-      if (swarm.now_us_ >= up_again_us) restart();
-      wake_us = node->step(swarm.now_us_, *this);
+      if (swarm.now_ >= up_again) restart();
+      wake = node->step(swarm.now_, *this);
       if (node->protocol().commits() == commits_judged) return;
       commits_judged = node->protocol().commits();
       swarm.judge_commit(*this);
     }
-    bool down() const { return up_again_us != INT64_MAX; }
+    bool down() const { return up_again != kNever; }
     // The robot flies on as it was bound to.
-    void crash(std::int64_t until_us) {
+    void crash(Utime until) {
       bound_to = *node->motion();
-      up_again_us = wake_us = until_us;
+      up_again = wake = until;
     }
     void restart() {
       commits_before += node->protocol().commits();
       ++swarm.restarts_;
       node.emplace(config, promises, 1);
-      up_again_us = INT64_MAX;
+      up_again = kNever;
       commits_judged = 0;
-      const Eigen::Vector3d place = bound_to.at(swarm.now_us_).position;
-      node->on_message(swarm.now_us_, BusId::kOnboard, channel::kRobotState,
-                       encoded(state_at(id, place, 0, swarm.now_us_)), *this);
+      const Eigen::Vector3d place = bound_to.at(swarm.now_).position;
+      node->on_message(swarm.now_, BusId::kOnboard, channel::kRobotState, encoded(state_at(id, place, 0, swarm.now_)),
+                       *this);
     }
     const Motion& motion() const { return down() ? bound_to : *node->motion(); }
 
@@ -123,20 +123,20 @@ class RandomSwarm {
     std::optional<BroadcastNode> node;
     Motion bound_to;
     setpoint_t setpoint{};
-    std::int64_t wake_us = kStart_us, candidate_seq = 0, branch_us = 0, up_again_us = INT64_MAX;
+    Utime wake = kStart, branch{}, up_again = kNever;
+    std::int64_t candidate_seq = 0;
     int commits_judged = 0, commits_before = 0;
   };
   struct Link {
     double loss;
-    std::int64_t dies_us;
+    Utime dies;
   };
   struct Packet {
-    std::int64_t time_us, number;
+    Utime time;
+    std::int64_t number;
     int to;
     Bytes bytes;
-    bool operator>(const Packet& other) const {
-      return std::pair(time_us, number) > std::pair(other.time_us, other.number);
-    }
+    bool operator>(const Packet& other) const { return std::pair(time, number) > std::pair(other.time, other.number); }
   };
 
   double uniform(double low, double high) { return std::uniform_real_distribution<>(low, high)(random_); }
@@ -151,21 +151,21 @@ class RandomSwarm {
       const Link& link = links_[static_cast<std::size_t>(from)][static_cast<std::size_t>(to)];
       const int copies = uniform(0, 1) < 0.1 ? 2 : 1;
       for (int i = 0; i < copies; ++i) {
-        if (to == from || uniform(0, 1) < link.loss || now_us_ >= link.dies_us) continue;
-        const auto delay = static_cast<std::int64_t>(uniform(0, static_cast<double>(max_delay_us_)));
-        packets_.push({now_us_ + delay, next_packet_++, to, bytes});
+        if (to == from || uniform(0, 1) < link.loss || now_ >= link.dies) continue;
+        const Duration delay = to_duration(uniform(0, to_seconds(max_delay_)));
+        packets_.push({now_ + delay, next_packet_++, to, bytes});
       }
     }
   }
 
-  void run_until(std::int64_t tick) {
+  void run_until(Utime tick) {
     while (true) {
       const auto next = std::min_element(robots_.begin(), robots_.end(),
-                                         [](const auto& a, const auto& b) { return a->wake_us < b->wake_us; });
-      const std::int64_t packet_us = packets_.empty() ? INT64_MAX : packets_.top().time_us;
-      if (std::min(packet_us, (*next)->wake_us) > tick) break;
-      now_us_ = std::min(packet_us, (*next)->wake_us);
-      if (packet_us <= (*next)->wake_us) {
+                                         [](const auto& a, const auto& b) { return a->wake < b->wake; });
+      const Utime arrival = packets_.empty() ? kNever : packets_.top().time;
+      if (std::min(arrival, (*next)->wake) > tick) break;
+      now_ = std::min(arrival, (*next)->wake);
+      if (arrival <= (*next)->wake) {
         const Packet packet = packets_.top();
         packets_.pop();
         robots_[static_cast<std::size_t>(packet.to)]->deliver(BusId::kSwarm, channel::kTrajectory, packet.bytes);
@@ -173,36 +173,36 @@ class RandomSwarm {
         (*next)->step();
       }
     }
-    now_us_ = tick;
+    now_ = tick;
   }
 
   void maybe_plan(Member& robot) {
     if (robot.down()) return;
-    if (uniform(0, 1) < 0.0003) robot.crash(now_us_ + static_cast<std::int64_t>(uniform(0, 5e5)));
-    if (robot.down() || !robot.motion().next.empty() || (now_us_ < robot.branch_us && uniform(0, 1) > 0.01)) return;
-    const auto lead = static_cast<std::int64_t>(uniform(1e3, 5e4 + 2.5 * static_cast<double>(max_delay_us_)));
-    robot.branch_us = now_us_ + lead;
+    if (uniform(0, 1) < 0.0003) robot.crash(now_ + to_duration(uniform(0, 0.5)));
+    if (robot.down() || !robot.motion().next.empty() || (now_ < robot.branch && uniform(0, 1) > 0.01)) return;
+    const Duration lead = to_duration(uniform(1e-3, 0.05 + 2.5 * to_seconds(max_delay_)));
+    robot.branch = now_ + lead;
     Eigen::Vector3d target(uniform(-1.3, 1.3), uniform(-1.3, 1.3), uniform(0.7, 1.3));
     const Member& prey = *robots_[random_() % robots_.size()];
     if (&prey != &robot && uniform(0, 1) < 0.4) {  // close to where another will be
-      target = prey.motion().at(robot.branch_us + 1'000'000).position;
+      target = prey.motion().at(robot.branch + 1s).position;
       target += (robot.radius_m + prey.radius_m) * uniform(0.9, 1.3) *
                 Eigen::Vector3d(uniform(-1, 1), uniform(-1, 1), uniform(-1, 1)).normalized();
     }
     candidate_t candidate{};
-    candidate.header = make_header(robot.id, 1, robot.candidate_seq++, now_us_);
-    const MotionState from = robot.motion().at(robot.branch_us);
+    candidate.header = make_header(robot.id, 1, robot.candidate_seq++, now_);
+    const MotionState from = robot.motion().at(robot.branch);
     const int pieces = 1 + static_cast<int>(random_() % 5);
-    candidate.trajectory = quintic_to(from, robot.branch_us, target, uniform(0.4, 1.5), pieces).to_wire();
+    candidate.trajectory = quintic_to(from, robot.branch, target, uniform(0.4, 1.5), pieces).to_wire();
     robot.deliver(BusId::kOnboard, channel::kCandidate, encoded(candidate));
   }
 
-  Eigen::Vector3d place(std::size_t i) const { return robots_[i]->motion().at(now_us_).position; }
+  Eigen::Vector3d place(std::size_t i) const { return robots_[i]->motion().at(now_).position; }
 
   void judge_flight() {
     for (std::size_t i = 0; i < robots_.size(); ++i) {
       if (!robots_[i]->down()) {
-        ASSERT_EQ(robots_[i]->setpoint.header.utime, now_us_) << "no setpoint";
+        ASSERT_EQ(to_utime(robots_[i]->setpoint.header.utime), now_) << "no setpoint";
         ASSERT_LT((Eigen::Vector3d(robots_[i]->setpoint.position) - place(i)).norm(), 1e-6);
       }
       for (std::size_t j = 0; j < i; ++j) {
@@ -218,18 +218,19 @@ class RandomSwarm {
     for (const auto& other : robots_) {
       if (other->id == robot.id) continue;
       const Motion& theirs = other->motion();
-      const std::int64_t end = std::max(motion.end_utime(), theirs.end_utime());
-      for (std::int64_t t = motion.next.start_utime(); t <= end + 10'000; t += 10'000) {
+      const Utime end = std::max(motion.end_utime(), theirs.end_utime());
+      for (Utime t = motion.next.start_utime(); t <= end + 10ms; t += 10ms) {
         const double distance = (motion.at(t).position - theirs.at(t).position).norm();
-        ASSERT_GE(distance, robot.radius_m + other->radius_m)
-            << "robot " << robot.id << " committed what meets robot " << other->id << " at "
-            << 1e-6 * static_cast<double>(t - kStart_us) << " s";
+        ASSERT_GE(distance, robot.radius_m + other->radius_m) << "robot " << robot.id << " committed what meets robot "
+                                                              << other->id << " at " << to_seconds(t - kStart) << " s";
       }
     }
   }
 
   std::mt19937_64 random_;
-  std::int64_t now_us_ = kStart_us, max_delay_us_ = 0, next_packet_ = 0;
+  Utime now_ = kStart;
+  Duration max_delay_{};
+  std::int64_t next_packet_ = 0;
   double max_loss_ = 0.0;
   int restarts_ = 0;
   std::vector<std::unique_ptr<Member>> robots_;

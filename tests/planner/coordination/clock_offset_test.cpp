@@ -5,50 +5,51 @@
 
 #include <random>
 
+#include "tests/support/start_time.h"
+
 namespace swarm {
 namespace {
-
-constexpr std::int64_t kStart_us = 1'700'000'000'000'000;
 
 // Two ends of a link, which tell each other what they see.
 struct Link {
   ClockOffset here, there;
-  std::int64_t now_us = kStart_us, offset_us = 0;  // our clock is ahead by this
+  Utime now = kStart;
+  Duration offset{};  // our clock is ahead by this
   std::mt19937_64 random{1};
 
-  // Messages both ways every 50 ms, `delay` drawn for each [us].
-  void run(int messages, double mean_us, double jitter_us) {
-    std::uniform_real_distribution<double> delay(mean_us - jitter_us, mean_us + jitter_us);
-    for (int i = 0; i < messages; ++i, now_us += 50'000) {
-      here.heard(now_us + offset_us, now_us - std::llround(delay(random)));
-      there.heard(now_us, now_us + offset_us - std::llround(delay(random)));
-      if (const auto told = there.least_delay_us()) here.told(*told);
-      if (const auto told = here.least_delay_us()) there.told(*told);
+  // Messages both ways every 50 ms, a delay drawn for each.
+  void run(int messages, Duration mean, Duration jitter) {
+    std::uniform_real_distribution<double> delay_s(to_seconds(mean - jitter), to_seconds(mean + jitter));
+    for (int i = 0; i < messages; ++i, now += 50ms) {
+      here.heard(now + offset, now - to_duration(delay_s(random)));
+      there.heard(now, now + offset - to_duration(delay_s(random)));
+      if (const auto told = there.least_delay()) here.told(*told);
+      if (const auto told = here.least_delay()) there.told(*told);
     }
   }
 };
 
 TEST(ClockOffset, IsHalfTheDifferenceOfTheDelays) {
-  for (const std::int64_t offset_us : {0, 7'000, -60'000}) {
+  for (const Duration offset : {0ms, 7ms, -60ms}) {
     Link link;
-    link.offset_us = offset_us;
-    link.run(ClockOffset::kEnough - 1, 3000, 0);
-    EXPECT_FALSE(link.here.offset_us());
-    EXPECT_FALSE(link.here.beyond(1'000));
-    link.run(1, 3000, 0);
-    EXPECT_EQ(link.here.offset_us(), offset_us);
-    EXPECT_EQ(link.there.offset_us(), -offset_us);
-    EXPECT_EQ(link.here.least_delay_us(), 3'000 + offset_us);
+    link.offset = offset;
+    link.run(ClockOffset::kEnough - 1, 3ms, 0ms);
+    EXPECT_FALSE(link.here.offset());
+    EXPECT_FALSE(link.here.beyond(1ms));
+    link.run(1, 3ms, 0ms);
+    EXPECT_EQ(link.here.offset(), offset);
+    EXPECT_EQ(link.there.offset(), -offset);
+    EXPECT_EQ(link.here.least_delay(), 3ms + offset);
   }
 }
 
 TEST(ClockOffset, BeyondTheLimitIsSeenFromBothEnds) {
-  for (const std::int64_t offset_us : {9'000, 11'000, -9'000, -11'000}) {
+  for (const Duration offset : {9ms, 11ms, -9ms, -11ms}) {
     Link link;
-    link.offset_us = offset_us;
-    link.run(60, 2000, 0);
-    EXPECT_EQ(link.here.beyond(10'000), std::abs(offset_us) > 10'000);
-    EXPECT_EQ(link.there.beyond(10'000), std::abs(offset_us) > 10'000);
+    link.offset = offset;
+    link.run(60, 2ms, 0ms);
+    EXPECT_EQ(link.here.beyond(10ms), std::chrono::abs(offset) > 10ms);
+    EXPECT_EQ(link.there.beyond(10ms), std::chrono::abs(offset) > 10ms);
   }
 }
 
@@ -58,22 +59,22 @@ TEST(ClockOffset, JitterIsNoOffset) {
     Link link;
     link.random.seed(seed);
     for (int i = 0; i < 400; ++i) {
-      link.run(1, 300'000, 150'000);
-      ASSERT_FALSE(link.here.beyond(10'000)) << "seed " << seed << ", message " << i;
+      link.run(1, 300ms, 150ms);
+      ASSERT_FALSE(link.here.beyond(10ms)) << "seed " << seed << ", message " << i;
     }
-    ASSERT_NEAR(static_cast<double>(link.here.offset_us().value()), 0.0, 15'000.0);
+    ASSERT_LE(std::chrono::abs(link.here.offset().value()), 15ms);
   }
 }
 
 TEST(ClockOffset, ForgetsAClockThatWasSet) {
   Link link;
-  link.run(200, 2000, 0);
-  link.offset_us = 50'000;
-  link.run(2 * ClockOffset::kWindow_us / 50'000, 2000, 0);
-  EXPECT_EQ(link.here.offset_us(), 50'000);
-  link.now_us += 60'000'000;  // silence
-  link.run(1, 2000, 0);
-  EXPECT_FALSE(link.here.least_delay_us());
+  link.run(200, 2ms, 0ms);
+  link.offset = 50ms;
+  link.run(static_cast<int>(2 * ClockOffset::kWindow / 50ms), 2ms, 0ms);
+  EXPECT_EQ(link.here.offset(), 50ms);
+  link.now += 60s;  // silence
+  link.run(1, 2ms, 0ms);
+  EXPECT_FALSE(link.here.least_delay());
 }
 
 }  // namespace

@@ -15,7 +15,7 @@ namespace {
 
 using sogm_swarm::announcement_t;
 
-constexpr std::int64_t kTick_us = 1'000'000;
+constexpr Duration kTick = 1s;
 constexpr double kRadius = 0.4, kSeparation = 0.02;
 
 // What may happen, and how often.
@@ -39,7 +39,7 @@ class Swarm {
   explicit Swarm(const Scope& scope) : scope_(scope), n_(scope.goals.size()), links_(n_ * n_), delivered_(n_ * n_) {
     for (std::size_t i = 0; i < n_; ++i) {
       robots_.push_back({make(i, 1), {}, 1, scope.proposals});
-      robots_[i].protocol.start({Trajectory::hover(1, kStart_us, scope.sites[i]), {}});
+      robots_[i].protocol.start({Trajectory::hover(1, kStart, scope.sites[i]), {}});
       keep(i);
     }
     for (std::size_t i = 0; i < n_; ++i) settle(i);
@@ -64,8 +64,8 @@ class Swarm {
       }
       if (crashes_ > 0) after([&](Swarm& s) { s.crash(i); });
       const Trajectory& waits = robots_[i].protocol.pending();  // its last moment may come before any other event
-      if (static_cast<int>(i) == scope_.urgent && !waits.empty() && waits.start_utime() == now_us() + kTick_us)
-        after([&](Swarm& s) { s.settle(i, waits.start_utime() - 1); });
+      if (static_cast<int>(i) == scope_.urgent && !waits.empty() && waits.start_utime() == now() + kTick)
+        after([&](Swarm& s) { s.settle(i, waits.start_utime() - 1us); });
     }
     if (tick_ < scope_.ticks) after([](Swarm& s) { s.tick(); });
   }
@@ -74,7 +74,7 @@ class Swarm {
   std::string conflict() const {
     for (std::size_t i = 0; i < n_; ++i) {
       for (std::size_t j = 0; j < i; ++j) {
-        if (!motions_separated(*robots_[i].protocol.motion(), *robots_[j].protocol.motion(), now_us(), 2 * kRadius))
+        if (!motions_separated(*robots_[i].protocol.motion(), *robots_[j].protocol.motion(), now(), 2 * kRadius))
           return "robots " + std::to_string(i) + " and " + std::to_string(j) + " at tick " + std::to_string(tick_);
       }
     }
@@ -118,7 +118,7 @@ class Swarm {
     const auto mix_trajectory = [&](const Trajectory& trajectory) {
       mix(trajectory.seq());
       if (trajectory.empty()) return;
-      mix(trajectory.start_utime());
+      mix(to_us(trajectory.start_utime()));
       for (const int knot : {0, trajectory.num_pieces()}) {
         for (int axis = 0; axis < 3; ++axis) mix(std::llround(100 * trajectory.knot(knot).position[axis]));
       }
@@ -134,7 +134,7 @@ class Swarm {
       mix(robot.proposals), mix(robot.boot);
       mix_message(robot.protocol.state());
       for (const auto& [id, peer] : robot.protocol.peers()) {
-        mix(peer.boot), mix(peer.hears_us), mix(peer.stamp), mix(peer.judged_seq), mix(peer.verdict);
+        mix(peer.boot), mix(peer.hears_us), mix(to_us(peer.stamp)), mix(peer.judged_seq), mix(peer.verdict);
         mix(peer.our_seq), mix(peer.our_verdict);
         for (const Trajectory* t : {&peer.motion.committed, &peer.motion.next, &peer.pending}) mix_trajectory(*t);
       }
@@ -150,7 +150,7 @@ class Swarm {
   }
 
  private:
-  Eigen::Vector3d place(std::size_t i) const { return robots_[i].protocol.motion()->at(now_us()).position; }
+  Eigen::Vector3d place(std::size_t i) const { return robots_[i].protocol.motion()->at(now()).position; }
   Eigen::Vector3d way_out(std::size_t i) const {
     for (std::size_t j = 0; j < n_; ++j) {
       const Eigen::Vector3d apart = place(i) - place(j);
@@ -170,14 +170,14 @@ class Swarm {
     for (std::size_t j = 0; j < n_; ++j) rules.roster.push_back(static_cast<int>(j));
     return CommitProtocol(rules);
   }
-  std::int64_t now_us() const { return kStart_us + tick_ * kTick_us; }
+  Utime now() const { return kStart + tick_ * kTick; }
   std::vector<announcement_t>& link(std::size_t from, std::size_t to) { return links_[from * n_ + to]; }
   const std::vector<announcement_t>& link(std::size_t from, std::size_t to) const { return links_[from * n_ + to]; }
   void keep(std::size_t i) { robots_[i].kept = robots_[i].protocol.state(); }
 
   // What a node does after every event.
-  void settle(std::size_t i) { settle(i, now_us()); }
-  void settle(std::size_t i, std::int64_t utime) {
+  void settle(std::size_t i) { settle(i, now()); }
+  void settle(std::size_t i, Utime utime) {
     Robot& robot = robots_[i];
     robot.protocol.advance(utime);
     if (robot.protocol.may_commit(utime)) {
@@ -194,7 +194,7 @@ class Swarm {
   // What is under way is the newest: whatever is lost is repeated.
   void send(std::size_t from, std::size_t to) {
     announcement_t message = robots_[from].protocol.state();
-    message.header = make_header(static_cast<int>(from), robots_[from].boot, 0, now_us());
+    message.header = make_header(static_cast<int>(from), robots_[from].boot, 0, now());
     link(from, to).push_back(message);
     if (link(from, to).size() > scope_.copies) link(from, to).erase(link(from, to).begin());
   }
@@ -204,10 +204,10 @@ class Swarm {
   }
   void propose_to(std::size_t i, const Eigen::Vector3d& to) {
     Robot& robot = robots_[i];
-    const std::int64_t start = now_us() + kTick_us;
+    const Utime start = now() + kTick;
     const Trajectory flight = quintic_to(robot.protocol.motion()->at(start), start, to, 1.0, 1);
     const bool urgent = static_cast<int>(i) == scope_.urgent;
-    (void)robot.protocol.propose(now_us(), flight, urgent);
+    (void)robot.protocol.propose(now(), flight, urgent);
     settle(i);
   }
   void deliver(std::size_t from, std::size_t to, std::size_t version) {
@@ -218,7 +218,7 @@ class Swarm {
     } else {  // older ones are refused from now on
       link(from, to).erase(link(from, to).begin(), link(from, to).begin() + static_cast<std::ptrdiff_t>(version) + 1);
     }
-    ASSERT_TRUE(robots_[to].protocol.receive(now_us(), message));
+    ASSERT_TRUE(robots_[to].protocol.receive(now(), message));
     settle(to);
   }
   // The newest of everything, until nobody has news.
@@ -239,7 +239,7 @@ class Swarm {
     --crashes_;
     if (!scope_.same_boot) ++robot.boot;
     Motion motion = motion_of(robot.kept);
-    if (scope_.forgets) motion = {Trajectory::hover(1, now_us(), motion.at(now_us()).position), {}};
+    if (scope_.forgets) motion = {Trajectory::hover(1, now(), motion.at(now()).position), {}};
     robot.protocol = make(i, robot.boot);
     robot.protocol.start(motion);
     robot.kept = robot.protocol.state();

@@ -7,13 +7,12 @@
 
 #include "tests/support/hull_distance.h"
 #include "tests/support/random_motion.h"
+#include "tests/support/start_time.h"
 
 namespace swarm {
 namespace {
 
 using Eigen::Vector3d;
-
-constexpr std::int64_t kStart = 1'700'000'000'000'000;
 
 TEST(LinearlySeparableTest, IsSoundAndFindsWhatIsClearlySeparable) {
   Rng rng(1);
@@ -50,10 +49,10 @@ TEST(LinearlySeparableTest, PointAndSegmentHulls) {
   EXPECT_FALSE(linearly_separable(points, 0.51));
 }
 
-double least_sampled_distance(const Motion& a, const Motion& b, std::int64_t from_utime) {
+double least_sampled_distance(const Motion& a, const Motion& b, Utime from) {
   double least = INFINITY;
-  const std::int64_t end = std::max({a.end_utime(), b.end_utime(), from_utime});
-  for (std::int64_t t = from_utime; t <= end + 1000; t += 1000) {
+  const Utime end = std::max({a.end_utime(), b.end_utime(), from});
+  for (Utime t = from; t <= end + 1ms; t += 1ms) {
     least = std::min(least, (a.at(t).position - b.at(t).position).norm());
   }
   return least;
@@ -66,18 +65,17 @@ TEST(MotionsSeparatedTest, AgreesWithDenseSampling) {
   int decided_by_tail = 0;
   for (int trial = 0; trial < 600; ++trial) {
     const Motion a = random_motion(rng, kStart, 1.5);
-    const Motion b = random_motion(rng, kStart + uniform_int(rng, -1'500'000, 1'500'000), 1.5);
-    const std::int64_t from =
-        std::max(a.committed.start_utime(), b.committed.start_utime()) + uniform_int(rng, -1'000'000, 2'000'000);
+    const Motion b = random_motion(rng, kStart + uniform_duration(rng, -1500ms, 1500ms), 1.5);
+    const Utime from = std::max(a.committed.start_utime(), b.committed.start_utime()) + uniform_duration(rng, -1s, 2s);
     const double least = least_sampled_distance(a, b, from);
-    const std::int64_t end = std::max({a.end_utime(), b.end_utime(), from});
+    const Utime end = std::max({a.end_utime(), b.end_utime(), from});
     decided_by_tail += least == (a.at(end).position - b.at(end).position).norm();
     for (double distance : {least - 0.0101, least - 0.002, least + 2e-6, least + 0.05, uniform(rng, 0.05, 1.0)}) {
       if (distance <= 0.0) continue;
       const bool answer = motions_separated(a, b, from, distance);
       const auto input = [&] {
         return ::testing::Message() << "trial " << trial << ", distance " << distance << ", sampled " << least
-                                    << ", from " << from << "\na " << a << "\nb " << b;
+                                    << ", from " << to_us(from) << "\na " << a << "\nb " << b;
       };
       ASSERT_TRUE(!answer || least >= distance - 1e-9) << input();
       ASSERT_TRUE(answer || least <= distance + 0.01) << input();
@@ -95,18 +93,17 @@ TEST(MotionsSeparatedTest, AllowsForAWrongClock) {
   int differ = 0;
   for (int trial = 0; trial < 300; ++trial) {
     const Motion a = random_motion(rng, kStart, 1.5);
-    const Motion b = random_motion(rng, kStart - uniform_int(rng, 100'000, 1'000'000), 1.5);
+    const Motion b = random_motion(rng, kStart - uniform_duration(rng, 100ms, 1s), 1.5);
     const double error_s = uniform(rng, 0.005, 0.05);
-    const std::int64_t from = kStart + uniform_int(rng, 0, 1'000'000);
+    const Utime from = kStart + uniform_duration(rng, 0us, 1s);
     double least = INFINITY, fastest = 0.0;
     for (const double share : {-1.0, -0.5, 0.0, 0.5, 1.0}) {
       Motion late = b;
-      late.committed.shift(std::llround(share * 1e6 * error_s));
-      late.next.shift(std::llround(share * 1e6 * error_s));
+      late.committed.shift(to_duration(share * error_s));
+      late.next.shift(to_duration(share * error_s));
       least = std::min(least, least_sampled_distance(a, late, from));
     }
-    for (std::int64_t t = from - 60'000; t < b.end_utime(); t += 1000)
-      fastest = std::max(fastest, b.at(t).velocity.norm());
+    for (Utime t = from - 60ms; t < b.end_utime(); t += 1ms) fastest = std::max(fastest, b.at(t).velocity.norm());
     const double distance = uniform(rng, 0.05, 1.0);
     const bool answer = motions_separated(a, b, from, distance, error_s);
     ASSERT_TRUE(!answer || least >= distance - 1e-9) << "trial " << trial << ", " << least << " < " << distance;
@@ -117,8 +114,8 @@ TEST(MotionsSeparatedTest, AllowsForAWrongClock) {
   EXPECT_GT(differ, 5);
 }
 
-Motion line(std::int64_t start_utime, const Vector3d& from, const Vector3d& to) {
-  Motion motion{Trajectory(1, start_utime, 1'000'000, 1), {}};
+Motion line(Utime start, const Vector3d& from, const Vector3d& to) {
+  Motion motion{Trajectory(1, start, 1s, 1), {}};
   MotionState state;
   state.position = from;
   motion.committed.set_knot(0, state);
@@ -129,7 +126,7 @@ Motion line(std::int64_t start_utime, const Vector3d& from, const Vector3d& to) 
 
 TEST(MotionsSeparatedTest, WhateverRestsNeedsNoClock) {
   const Motion passing = line(kStart, {-1, 0.41, 1}, {1, 0.41, 1});
-  const Motion hovering{Trajectory::hover(1, kStart - 1'000'000, {0, 0, 1}), {}};
+  const Motion hovering{Trajectory::hover(1, kStart - 1s, {0, 0, 1}), {}};
   EXPECT_TRUE(motions_separated(passing, hovering, kStart, 0.4, 0.1));
   EXPECT_FALSE(motions_separated(hovering, passing, kStart, 0.4, 0.1));
 }
@@ -137,7 +134,7 @@ TEST(MotionsSeparatedTest, WhateverRestsNeedsNoClock) {
 TEST(MotionsSeparatedTest, SamePlaceAtDifferentTimesIsNoConflict) {
   const Motion east = line(kStart, {-1, 0, 1}, {1, 0, 1});
   EXPECT_FALSE(motions_separated(east, line(kStart, {0, -1, 1}, {0, 1, 1}), kStart, 0.4));
-  EXPECT_TRUE(motions_separated(east, line(kStart + 1'000'000, {0, -1, 1}, {0, 1, 1}), kStart, 0.4));
+  EXPECT_TRUE(motions_separated(east, line(kStart + 1s, {0, -1, 1}, {0, 1, 1}), kStart, 0.4));
   EXPECT_FALSE(motions_separated(east, line(kStart, {1, 0, 1}, {-1, 0, 1}), kStart, 0.4));
 }
 
@@ -145,21 +142,21 @@ TEST(MotionsSeparatedTest, CountsFromTheGivenTimeToForEver) {
   const Motion passing = line(kStart, {-1, 0, 1}, {1, 0, 1});
   const Motion hovering{Trajectory::hover(1, kStart, {0, 0.3, 1}), {}};
   EXPECT_FALSE(motions_separated(passing, hovering, kStart, 0.4));
-  EXPECT_TRUE(motions_separated(passing, hovering, kStart + 800'000, 0.4));  // it has passed
-  const Motion arriving = line(kStart + 5'000'000, {5, 0, 1}, {1, 0.3, 1});  // long after the other's end
+  EXPECT_TRUE(motions_separated(passing, hovering, kStart + 800ms, 0.4));  // it has passed
+  const Motion arriving = line(kStart + 5s, {5, 0, 1}, {1, 0.3, 1});       // long after the other's end
   EXPECT_FALSE(motions_separated(passing, arriving, kStart, 0.4));
   EXPECT_TRUE(motions_separated(passing, arriving, kStart, 0.29));
-  EXPECT_FALSE(motions_separated(passing, arriving, kStart + 60'000'000, 0.4));  // both hover there
+  EXPECT_FALSE(motions_separated(passing, arriving, kStart + 60s, 0.4));  // both hover there
 }
 
 TEST(MotionsSeparatedTest, APendingNextCounts) {
   const Motion hovering{Trajectory::hover(1, kStart, {0, 0, 1}), {}};
   Motion other{Trajectory::hover(1, kStart, {3, 0, 1}), {}};
   EXPECT_TRUE(motions_separated(hovering, other, kStart, 0.5));
-  other.next = line(kStart + 2'000'000, {3, 0, 1}, {0.3, 0, 1}).committed;
+  other.next = line(kStart + 2s, {3, 0, 1}, {0.3, 0, 1}).committed;
   EXPECT_FALSE(motions_separated(hovering, other, kStart, 0.5));
-  other.committed = line(kStart + 2'500'000, {3, 0, 1}, {0, 0, 1}).committed;  // never flown
-  other.next = Trajectory::hover(2, kStart + 2'000'000, {3, 0, 1});
+  other.committed = line(kStart + 2500ms, {3, 0, 1}, {0, 0, 1}).committed;  // never flown
+  other.next = Trajectory::hover(2, kStart + 2s, {3, 0, 1});
   EXPECT_TRUE(motions_separated(hovering, other, kStart, 0.5));
 }
 

@@ -25,15 +25,15 @@ TEST(PromiseStore, TheFileIsReplacedAsAWhole) {
 TEST(PromiseStore, AStartIsNewerThanWhatWasKept) {
   sogm_swarm::announcement_t kept{};
   kept.radius = 0.2f;
-  kept.committed = Trajectory::hover(3, kStart_us, {1, 2, 1}).to_wire();
+  kept.committed = Trajectory::hover(3, kStart, {1, 2, 1}).to_wire();
   MemoryPromiseStore store;
   const auto after = [&](std::int32_t boot, int robot) {
-    kept.header = make_header(robot, boot, 0, kStart_us);
+    kept.header = make_header(robot, boot, 0, kStart);
     EXPECT_TRUE(store.save(encoded(kept)));
     return load_promise(store, 4, 7);
   };
   EXPECT_EQ(after(100, 4).boot, 101);
-  EXPECT_EQ(after(100, 4).motion->at(kStart_us).position, Eigen::Vector3d(1, 2, 1));
+  EXPECT_EQ(after(100, 4).motion->at(kStart).position, Eigen::Vector3d(1, 2, 1));
   EXPECT_EQ(after(100, 5).boot, 7);  // another robot's
   EXPECT_EQ(after(std::numeric_limits<std::int32_t>::max(), 4).boot, 7);
 }

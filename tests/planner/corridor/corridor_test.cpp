@@ -9,6 +9,7 @@
 
 #include "tests/support/hull_distance.h"
 #include "tests/support/random_map.h"
+#include "tests/support/start_time.h"
 
 namespace swarm {
 namespace {
@@ -16,7 +17,6 @@ namespace {
 using Eigen::Vector3d;
 using Eigen::Vector3i;
 
-constexpr std::int64_t kStart = 1'700'000'000'000'000;
 constexpr double kPiece_s = 0.2;
 const Vector3d kEverywhere = Vector3d::Constant(1e3);
 
@@ -82,15 +82,15 @@ TEST(CorridorTest, ExcludesAllThatIsOccupiedAndHoldsThePiece) {
   CorridorBuilder builder(space_min, space_max, options);
   int grown = 0, refused = 0, excluded = 0, beside_border = 0;
   for (int map = 0; map < 40; ++map) {
-    const Sogm sogm =
-        random_map(rng, uniform_int(rng, 1, 30), {4.4, 4.4, 2.4}, 6, kStart, uniform_int(rng, 100'000, 300'000));
+    const Sogm sogm = random_map(rng, uniform_int(rng, 1, 30), {4.4, 4.4, 2.4}, 6, kStart,
+                                 Duration(uniform_int(rng, 100'000, 300'000)));
     for (int trial = 0; trial < 20; ++trial) {
       ControlPoints piece = random_piece(rng, {2.5, 2.5, 1.1});
       if (trial % 4 == 0) {  // a thick hull
         for (int k = 0; k < 6; ++k) piece.col(k) += in_cube(rng, 0.2);
       }
-      const std::int64_t from = kStart + uniform_int(rng, -300'000, 2'000'000), to = from + 200'000;
-      const int first = sogm.frame_at(from), last = sogm.frame_at(to - 1);
+      const Utime from = kStart + Duration(uniform_int(rng, -300'000, 2'000'000)), to = from + 200ms;
+      const int first = sogm.frame_at(from), last = sogm.frame_at(to - 1us);
       SCOPED_TRACE(testing::Message() << "map " << map << " trial " << trial << ", frames " << first << " to " << last
                                       << ", piece\n"
                                       << piece);
@@ -139,10 +139,10 @@ TEST(CorridorTest, ObstaclesAreTheSurfaceOfTheFramesUnion) {
   CorridorBuilder builder(-kEverywhere, kEverywhere, options);
   std::size_t hidden = 0, found = 0;
   for (int trial = 0; trial < 60; ++trial) {
-    const Sogm sogm = random_map(rng, 30, {4, 4, trial % 2 == 0 ? 2.0 : 8.0}, 4, kStart, 200'000);
+    const Sogm sogm = random_map(rng, 30, {4, 4, trial % 2 == 0 ? 2.0 : 8.0}, 4, kStart, 200ms);
     const ControlPoints piece = random_piece(rng, {2, 2, 1});
-    const std::int64_t from = kStart + uniform_int(rng, 0, 700'000), to = from + 200'000;
-    const int first = sogm.frame_at(from), last = sogm.frame_at(to - 1);
+    const Utime from = kStart + Duration(uniform_int(rng, 0, 700'000)), to = from + 200ms;
+    const int first = sogm.frame_at(from), last = sogm.frame_at(to - 1us);
     Polytope polytope;
     (void)builder.build(piece, {&sogm}, 0.0, from, to, &polytope);
     const Box box = box_around(piece, options.extent_m, -kEverywhere, kEverywhere);
@@ -190,11 +190,11 @@ TEST(CorridorTest, AnEmptyMapGivesTheBoxInsideTheFlightSpace) {
   const Vector3d space_min(-2, -2, 0.2), space_max(2, 2, 3);
   for (double extent : {0.3, 1.2, 3.0}) {
     CorridorBuilder builder(space_min, space_max, CorridorOptions{extent});
-    const Sogm sogm = empty_map({6, 6, 4}, 0.1, 3, kStart, 200'000);
+    const Sogm sogm = empty_map({6, 6, 4}, 0.1, 3, kStart, 200ms);
     for (int trial = 0; trial < 30; ++trial) {
       const ControlPoints piece = random_piece(rng, {2.5, 2.5, 3});  // some leave the flight space, which gives way
       Polytope polytope;
-      ASSERT_EQ(builder.build(piece, {&sogm}, 0.0, kStart, kStart + 200'000, &polytope), FiriStatus::kGrown);
+      ASSERT_EQ(builder.build(piece, {&sogm}, 0.0, kStart, kStart + 200ms, &polytope), FiriStatus::kGrown);
       EXPECT_TRUE(builder.obstacles().empty());
       const Box box = box_around(piece, extent, space_min, space_max);
       for (int i = 0; i < 200; ++i) {
@@ -209,13 +209,13 @@ TEST(CorridorTest, LooksAtThePiecesFramesOnly) {
   Rng rng(4);
   CorridorBuilder builder(-kEverywhere, kEverywhere, CorridorOptions{});
   for (int trial = 0; trial < 30; ++trial) {
-    const Sogm sogm = random_map(rng, 20, {4, 4, 2}, 6, kStart, 200'000);
+    const Sogm sogm = random_map(rng, 20, {4, 4, 2}, 6, kStart, 200ms);
     Sogm other = sogm;  // as crowded as can be in the frames before and after
     mark_box(&other, -kEverywhere, kEverywhere, 0, 1);
     mark_box(&other, -kEverywhere, kEverywhere, 4, 5);
     const ControlPoints piece = random_piece(rng, {1, 1, 1});
     // Up to the first microsecond of the next frame, not included.
-    const std::int64_t from = kStart + 400'000 + uniform_int(rng, 0, 1) * 100'000, to = kStart + 800'000;
+    const Utime from = kStart + 400ms + uniform_int(rng, 0, 1) * 100ms, to = kStart + 800ms;
     Polytope a, b;
     const FiriStatus status = builder.build(piece, {&sogm}, 0.0, from, to, &a);
     ASSERT_EQ(builder.build(piece, {&other}, 0.0, from, to, &b), status);
@@ -225,13 +225,13 @@ TEST(CorridorTest, LooksAtThePiecesFramesOnly) {
 }
 
 TEST(CorridorTest, StopsAtTheVoxelsFace) {
-  Sogm sogm = empty_map({6, 6, 3}, 0.1, 1, kStart, 200'000);
+  Sogm sogm = empty_map({6, 6, 3}, 0.1, 1, kStart, 200ms);
   mark_box(&sogm, {0.8, -9, -9}, {1.0, 9, 9});  // voxels from x = 0.8 on
   CorridorBuilder builder(-kEverywhere, kEverywhere, CorridorOptions{2.0});
   ControlPoints piece;
   for (int k = 0; k < 6; ++k) piece.col(k) = Vector3d(0, 0.1 * k, 0.05);
   Polytope polytope;
-  ASSERT_EQ(builder.build(piece, {&sogm}, 0.0, kStart, kStart + 200'000, &polytope), FiriStatus::kGrown);
+  ASSERT_EQ(builder.build(piece, {&sogm}, 0.0, kStart, kStart + 200ms, &polytope), FiriStatus::kGrown);
   for (double y : {-1.9, 0.0, 2.4}) {
     EXPECT_LT(polytope.violation({0.799, y, 0.05}), 0.0) << y;
     EXPECT_GT(polytope.violation({0.801, y, 0.05}), 0.0) << y;
@@ -240,17 +240,15 @@ TEST(CorridorTest, StopsAtTheVoxelsFace) {
 }
 
 TEST(CorridorTest, RefusesASeedAroundAnOccupiedVoxel) {
-  Sogm sogm = empty_map({4, 4, 2}, 0.1, 2, kStart, 200'000);
+  Sogm sogm = empty_map({4, 4, 2}, 0.1, 2, kStart, 200ms);
   mark_box(&sogm, {0.2, 0.2, 0.2}, {0.3, 0.3, 0.3}, 1, 1);  // the voxel at 0.25
   CorridorBuilder builder(-kEverywhere, kEverywhere, CorridorOptions{});
   ControlPoints piece;
   for (int k = 0; k < 6; ++k) piece.col(k) = Vector3d::Constant(0.1 * k);  // passes its centre
   Polytope polytope;
-  EXPECT_EQ(builder.build(piece, {&sogm}, 0.0, kStart + 200'000, kStart + 400'000, &polytope),
-            FiriStatus::kSeedBlocked);
-  EXPECT_EQ(builder.build(piece, {&sogm}, 0.0, kStart + 100'000, kStart + 300'000, &polytope),
-            FiriStatus::kSeedBlocked);
-  EXPECT_EQ(builder.build(piece, {&sogm}, 0.0, kStart, kStart + 200'000, &polytope),
+  EXPECT_EQ(builder.build(piece, {&sogm}, 0.0, kStart + 200ms, kStart + 400ms, &polytope), FiriStatus::kSeedBlocked);
+  EXPECT_EQ(builder.build(piece, {&sogm}, 0.0, kStart + 100ms, kStart + 300ms, &polytope), FiriStatus::kSeedBlocked);
+  EXPECT_EQ(builder.build(piece, {&sogm}, 0.0, kStart, kStart + 200ms, &polytope),
             FiriStatus::kGrown);  // not yet there
 }
 

@@ -14,7 +14,7 @@ using Eigen::Vector3d;
 
 TEST(EscapeSearchTest, ViolationCostsTheMoreTheSoonerAndTheDeeper) {
   const SearchOptions options;
-  Sogm occupied = empty_map({6, 6, 3}, 0.1, 10, kStart, 200'000);
+  Sogm occupied = empty_map({6, 6, 3}, 0.1, 10, kStart, 200ms);
   const Vector3d place(0.05, 0.05, 0.05);  // a voxel's centre
   mark_moving(&occupied, place, Vector3d::Zero(), 0.01);
   const Scene scene(occupied);
@@ -30,7 +30,7 @@ TEST(EscapeSearchTest, ViolationCostsTheMoreTheSoonerAndTheDeeper) {
   EXPECT_NEAR(search.violation_cost(hovering(place + Vector3d(0.1, 0, 0))), 100 * all, 2 * all);
   EXPECT_EQ(search.violation_cost(hovering(place + Vector3d(0.4, 0, 0))), 0.0);
   // Half as long, but later: far less.
-  Sogm late = empty_map({6, 6, 3}, 0.1, 10, kStart, 200'000);
+  Sogm late = empty_map({6, 6, 3}, 0.1, 10, kStart, 200ms);
   mark_box(&late, place.array() - 0.01, place.array() + 0.01, 5, 9);
   const Scene later(late);
   problem = later.problem(at_rest({2, 2, 1}), kStart, {2, 2, 1});
@@ -42,14 +42,14 @@ TEST(EscapeSearchTest, ViolationCostsTheMoreTheSoonerAndTheDeeper) {
 TEST(EscapeSearchTest, TheWayOutViolatesLeast) {
   const SearchLimits limits;
   SearchOptions options;
-  options.piece_us = 100'000;
+  options.piece = 100ms;
   options.max_expansions *= 2;
   EscapeSearch search(limits, options);
   SpaceTimeHeuristic heuristic;
   int touched_at_rest = 0;
   Rng rng(4);
   for (int trial = 0; trial < 20; ++trial) {
-    Sogm occupied = empty_map({6, 6, 3}, 0.1, 20, kStart, 100'000);
+    Sogm occupied = empty_map({6, 6, 3}, 0.1, 20, kStart, 100ms);
     const double angle = uniform(rng, 0, 6.28);
     const Vector3d side(std::cos(angle), std::sin(angle), 0);
     mark_moving(&occupied, -0.8 * side, 1.0 * side, 0.3, true);
@@ -65,8 +65,8 @@ TEST(EscapeSearchTest, TheWayOutViolatesLeast) {
     int touches = 0;
     for (double t = 0.0; t < 1.0; t += 0.005) {
       const MotionState state = state_at(result, 0.1, t);
-      touches += occupied_at(scene.collision, state.position, kStart + static_cast<std::int64_t>(t * 1e6));
-      touched_at_rest += occupied_at(scene.collision, Vector3d::Zero(), kStart + static_cast<std::int64_t>(t * 1e6));
+      touches += occupied_at(scene.collision, state.position, kStart + to_duration(t));
+      touched_at_rest += occupied_at(scene.collision, Vector3d::Zero(), kStart + to_duration(t));
       ASSERT_LE(state.velocity.cwiseAbs().maxCoeff(), limits.v_max_mps + 1e-8);
       ASSERT_LE(state.acceleration.cwiseAbs().maxCoeff(), limits.a_max_mps2 + 1e-8);
     }

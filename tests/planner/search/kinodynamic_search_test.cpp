@@ -23,7 +23,7 @@ using Eigen::Vector3d;
 // rest, and is free (or not) when it says so.
 void check_path(const SearchResult& result, SearchStatus status, const Scene& scene, const SearchProblem& problem,
                 const SearchLimits& limits, const SearchOptions& options) {
-  const double tau = 1e-6 * options.piece_us;
+  const double tau = to_seconds(options.piece);
   ASSERT_GE(result.num_pieces, 1);
   ASSERT_LE(result.num_pieces, options.num_pieces);
   ASSERT_LE(result.expansions, options.max_expansions);
@@ -39,11 +39,11 @@ void check_path(const SearchResult& result, SearchStatus status, const Scene& sc
     ASSERT_LE(state.velocity.cwiseAbs().maxCoeff(), limits.v_max_mps + 1e-8) << "at " << t << " s";
     ASSERT_LE(state.acceleration.cwiseAbs().maxCoeff(), limits.a_max_mps2 + 1e-8) << "at " << t << " s";
   }
-  std::int64_t free_until = kNever;
+  Utime free_until = kNever;
   ASSERT_EQ(result.left_blocked, occupied_at(scene.blocked, problem.start.position, problem.start_utime));
   for (int i = 1; i <= options.num_pieces * kSamples && free_until == kNever; ++i) {
-    const std::int64_t since = std::int64_t{i} * options.piece_us / kSamples;
-    if (result.left_blocked && since <= static_cast<std::int64_t>(options.leave_s * 1e6)) continue;
+    const Duration since = i * options.piece / kSamples;
+    if (result.left_blocked && since <= to_duration(options.leave_s)) continue;
     const Vector3d position = state_at(result, tau, i * tau / kSamples).position;
     if (occupied_at(scene.blocked, position, problem.start_utime + since)) free_until = problem.start_utime + since;
   }
@@ -52,21 +52,21 @@ void check_path(const SearchResult& result, SearchStatus status, const Scene& sc
     ASSERT_EQ(result.free_until_utime, kNever);
   } else {
     ASSERT_LE(result.free_until_utime, free_until);
-    ASSERT_GT(result.free_until_utime, free_until - options.piece_us / kSamples - 1);
+    ASSERT_GT(result.free_until_utime, free_until - options.piece / kSamples - 1us);
   }
   ASSERT_EQ(status == SearchStatus::kPartial, free_until != kNever);
 }
 
 TEST(KinodynamicSearchTest, KeepsLimitsInEmptySpaceAndArrivesInTime) {
   Rng rng(4);
-  const Scene scene(empty_map({2, 2, 2}, 0.2, 1, kStart, 200'000));
+  const Scene scene(empty_map({2, 2, 2}, 0.2, 1, kStart, 200ms));
   int arrivals = 0;
   for (int trial = 0; trial < 200; ++trial) {
     SearchLimits limits;
     limits.v_max_mps = uniform(rng, 1.0, 2.5);
     limits.a_max_mps2 = uniform(rng, 3.0, 9.0);
     SearchOptions options;
-    const double tau = 1e-6 * options.piece_us;
+    const double tau = to_seconds(options.piece);
     KinodynamicSearch search(limits, options);
     SearchProblem problem = scene.problem(viable_state(rng, limits, tau, {5, 5, 5}), kStart, Vector3d::Zero());
     if (trial % 2 == 0) problem.start.acceleration.setZero();
@@ -103,22 +103,24 @@ TEST(KinodynamicSearchTest, KeepsLimitsInEmptySpaceAndArrivesInTime) {
 // sample's time, or a whole one next to a change of frames.
 void check_clearance(const SearchResult& result, const SearchProblem& problem, const Sogm& occupied,
                      const SearchLimits& limits, const SearchOptions& options) {
-  const double tau = 1e-6 * options.piece_us, speed = std::sqrt(3.0) * limits.v_max_mps;
+  const double tau = to_seconds(options.piece), speed = std::sqrt(3.0) * limits.v_max_mps;
   const double at_samples = kBlocked_m - std::sqrt(3.0) / 2 * occupied.geometry.resolution_m;
-  const std::int64_t sample_us = options.piece_us / kSamples;
-  for (std::int64_t since = 0; since <= std::int64_t{options.num_pieces} * options.piece_us; since += 1000) {
-    const std::int64_t utime = problem.start_utime + since, before = since / sample_us * sample_us;
-    const int frame = occupied.frame_at(utime);
-    std::int64_t away = kNever;
-    for (std::int64_t sample : {before, before + sample_us}) {
-      const Vector3d position = state_at(result, tau, 1e-6 * static_cast<double>(sample)).position;
+  const Duration sample = options.piece / kSamples;
+  for (Duration since{}; since <= options.num_pieces * options.piece; since += 1ms) {
+    const Duration before = since / sample * sample;
+    const int frame = occupied.frame_at(problem.start_utime + since);
+    std::optional<Duration> away;
+    for (const Duration near : {before, before + sample}) {
+      const Vector3d position = state_at(result, tau, to_seconds(near)).position;
       if (!occupied.geometry.contains(occupied.geometry.voxel_of(position))) continue;  // nothing is known there
-      if (occupied.frame_at(problem.start_utime + sample) == frame) away = std::min(away, std::abs(since - sample));
+      if (occupied.frame_at(problem.start_utime + near) == frame)
+        away = std::min(away.value_or(sample), std::chrono::abs(since - near));
     }
-    if (away == kNever) continue;
-    const double required = at_samples - speed * 1e-6 * static_cast<double>(away) - 1e-9;
-    const Vector3d position = state_at(result, tau, 1e-6 * static_cast<double>(since)).position;
-    ASSERT_GE(distance_to_occupied(occupied, frame, position, kBlocked_m), required) << since << " us after the start";
+    if (!away) continue;
+    const double required = at_samples - speed * to_seconds(*away) - 1e-9;
+    const Vector3d position = state_at(result, tau, to_seconds(since)).position;
+    ASSERT_GE(distance_to_occupied(occupied, frame, position, kBlocked_m), required)
+        << since.count() << " us after the start";
   }
 }
 
@@ -131,12 +133,12 @@ TEST(KinodynamicSearchTest, PathsThroughRandomMapsAreFreeAndWithinLimits) {
   int left_blocked = 0;
   for (int map = 0; map < 18; ++map) {
     const Scene scene(
-        random_map(rng, uniform_int(rng, 2, 40), {5, 5, 3}, 10, kStart, uniform_int(rng, 150'000, 250'000)));
+        random_map(rng, uniform_int(rng, 2, 40), {5, 5, 3}, 10, kStart, Duration(uniform_int(rng, 150'000, 250'000))));
     for (int trial = 0; trial < 6; ++trial) {
-      MotionState start = viable_state(rng, limits, 1e-6 * options.piece_us, {2.4, 2.4, 1.4});
+      MotionState start = viable_state(rng, limits, to_seconds(options.piece), {2.4, 2.4, 1.4});
       if (trial % 2 == 0) start = at_rest(start.position);
-      const SearchProblem problem =
-          scene.problem(start, kStart + uniform_int(rng, 0, 150'000), in_box(rng, {-4, -4, -1.4}, {4, 4, 1.4}));
+      const SearchProblem problem = scene.problem(start, kStart + Duration(uniform_int(rng, 0, 150'000)),
+                                                  in_box(rng, {-4, -4, -1.4}, {4, 4, 1.4}));
       SearchResult result;
       const SearchStatus status = search.find(problem, &result);
       SCOPED_TRACE(testing::Message() << "map " << map << " trial " << trial << ": "
@@ -161,7 +163,7 @@ TEST(KinodynamicSearchTest, StaysInsideTheFlightSpace) {
   KinodynamicSearch search(limits, SearchOptions{});
   int partial = 0, at_border = 0;
   for (int map = 0; map < 10; ++map) {
-    const Scene scene(random_map(rng, uniform_int(rng, 0, 12), {5, 5, 3}, 10, kStart, 200'000));
+    const Scene scene(random_map(rng, uniform_int(rng, 0, 12), {5, 5, 3}, 10, kStart, 200ms));
     for (int trial = 0; trial < 8; ++trial) {
       const Vector3d position = in_box(rng, limits.space_min, limits.space_max);
       const SearchProblem problem = scene.problem(at_rest(position), kStart, in_cube(rng, 4));
@@ -188,7 +190,7 @@ TEST(KinodynamicSearchTest, StaysInsideTheFlightSpace) {
 TEST(KinodynamicSearchTest, HoveringInAStaticMapAlwaysSurvivesWhateverTheBudget) {
   Rng rng(7);
   for (int map = 0; map < 20; ++map) {
-    Sogm occupied = empty_map({5, 5, 3}, 0.1, 10, kStart, 200'000);
+    Sogm occupied = empty_map({5, 5, 3}, 0.1, 10, kStart, 200ms);
     for (int i = 0; i < 25; ++i)
       mark_moving(&occupied, in_box(rng, {-2.5, -2.5, -1.5}, {2.5, 2.5, 1.5}), Vector3d::Zero(), 0.3);
     const Scene scene(occupied);
@@ -226,8 +228,8 @@ TEST(KinodynamicSearchTest, FindsTheBestOfAllChains) {
     options.max_expansions = trial % 12 == 0 ? 50'000 : 5'000;
     options.heuristic_weight = trial % 3 == 0 ? 0.0 : uniform(rng, 0.0, 1.0 / 1.1);
     options.cell_m = options.cell_mps = 1e-7;
-    const double tau = 1e-6 * options.piece_us;
-    const Scene scene(random_map(rng, uniform_int(rng, 2, 16), {3, 3, 2}, 6, kStart, 200'000));
+    const double tau = to_seconds(options.piece);
+    const Scene scene(random_map(rng, uniform_int(rng, 2, 16), {3, 3, 2}, 6, kStart, 200ms));
     MotionState start = viable_state(rng, limits, tau, {0.5, 0.5, 0.5});
     if (trial % 2 == 0) start = at_rest(start.position);
     Vector3d goal = in_cube(rng, 1);
@@ -236,7 +238,7 @@ TEST(KinodynamicSearchTest, FindsTheBestOfAllChains) {
       limits.space_min.z() = start.position.z() - 0.01;
       limits.space_max.z() = start.position.z() + 0.01;
     }
-    SearchProblem problem = scene.problem(start, kStart + uniform_int(rng, 0, 100'000), goal);
+    SearchProblem problem = scene.problem(start, kStart + Duration(uniform_int(rng, 0, 100'000)), goal);
     problem.fine = trial % 12 == 0;
     KinodynamicSearch search(limits, options);
     SearchResult result;
@@ -267,7 +269,7 @@ TEST(KinodynamicSearchTest, LeavesBlockedSpaceWithoutATouchWhereAChainCan) {
   Rng rng(11);
   int avoidable = 0, unavoidable = 0, touched = 0, partial = 0;
   while (avoidable < 60) {
-    Sogm occupied = empty_map({3, 3, 0.6}, 0.1, 1, kStart, 200'000);
+    Sogm occupied = empty_map({3, 3, 0.6}, 0.1, 1, kStart, 200ms);
     for (int i = 0; i < 4; ++i)
       mark_ball(&occupied, 0, in_box(rng, {-1, -1, 0}, {1, 1, 0}), uniform(rng, 0.05, 0.3), true);
     const Scene scene(occupied);
@@ -314,7 +316,7 @@ TEST(KinodynamicSearchTest, FollowsAMovingGoalThroughAStaticMap) {
   const SearchOptions options;
   KinodynamicSearch search(limits, options);
   for (int trial = 0; trial < 5; ++trial) {
-    Sogm occupied = empty_map({7, 7, 3}, 0.1, 1, kStart, 200'000);
+    Sogm occupied = empty_map({7, 7, 3}, 0.1, 1, kStart, 200ms);
     for (int i = 0; i < 6; ++i)
       mark_moving(&occupied, in_box(rng, {-1, -1, -1.5}, {1, 1, 1.5}), Vector3d::Zero(), 0.2, true);
     const Scene scene(occupied);
@@ -325,9 +327,8 @@ TEST(KinodynamicSearchTest, FollowsAMovingGoalThroughAStaticMap) {
     double farthest = 0.0;
     for (int step = 0; step < 60; ++step) {
       const double angle = 0.08 * std::min(step, 50);  // 0.9 m/s, then it stops
-      const SearchProblem problem =
-          scene.problem(plan.knots[static_cast<std::size_t>(at_piece)], kStart + step * 200'000,
-                        {2.2 * std::cos(angle), 2.2 * std::sin(angle), 0.2});
+      const SearchProblem problem = scene.problem(plan.knots[static_cast<std::size_t>(at_piece)], kStart + step * 200ms,
+                                                  {2.2 * std::cos(angle), 2.2 * std::sin(angle), 0.2});
       SearchResult result;
       const SearchStatus status = search.find(problem, &result);
       SCOPED_TRACE(testing::Message() << "trial " << trial << " step " << step << ": "
@@ -357,7 +358,7 @@ TEST(KinodynamicSearchTest, AGoalCountsOnlyWhenItStaysFree) {
     check_path(result, status, scene, problem, limits, options);
     return status;
   };
-  const Sogm empty = empty_map({5, 5, 3}, 0.1, 10, kStart, 200'000);
+  const Sogm empty = empty_map({5, 5, 3}, 0.1, 10, kStart, 200ms);
   EXPECT_EQ(find(empty), SearchStatus::kGoal);
   EXPECT_LE(result.num_pieces, 8);
 
@@ -378,7 +379,7 @@ TEST(KinodynamicSearchTest, AGoalCountsOnlyWhenItStaysFree) {
 TEST(KinodynamicSearchTest, LeavesBlockedSpaceWithoutTouching) {
   const SearchLimits limits;
   SearchOptions options;
-  Sogm occupied = empty_map({5, 5, 3}, 0.1, 10, kStart, 200'000);
+  Sogm occupied = empty_map({5, 5, 3}, 0.1, 10, kStart, 200ms);
   mark_box(&occupied, {0.2, -9, -9}, {0.3, 9, 9});  // one voxel thick, at x = 0.25; the goal lies behind it
   const Scene scene(occupied);
   MotionState start = at_rest({-0.049, 0.01, 0.02});
@@ -410,28 +411,28 @@ TEST(KinodynamicSearchTest, WithNoWayOutTheMotionIsFreeAsLongAsAnyCanBe) {
   const SearchLimits limits;
   const SearchOptions options;
   KinodynamicSearch search(limits, options);
-  Sogm occupied = empty_map({9, 9, 9}, 0.2, 10, kStart, 200'000);
+  Sogm occupied = empty_map({9, 9, 9}, 0.2, 10, kStart, 200ms);
   mark_box(&occupied, Vector3d::Constant(-9), Vector3d::Constant(9), 6, 9);
   const Scene scene(occupied);
-  const SearchProblem problem = scene.problem(at_rest({0.1, 0.1, 0.1}), kStart + 10'000, {1, 0.5, 0});
+  const SearchProblem problem = scene.problem(at_rest({0.1, 0.1, 0.1}), kStart + 10ms, {1, 0.5, 0});
   SearchResult result;
   ASSERT_EQ(search.find(problem, &result), SearchStatus::kPartial);
   ASSERT_NO_FATAL_FAILURE(check_path(result, SearchStatus::kPartial, scene, problem, limits, options));
-  EXPECT_EQ(result.free_until_utime, kStart + 1'210'000);  // the first sample in frame 6
+  EXPECT_EQ(result.free_until_utime, kStart + 1210ms);  // the first sample in frame 6
 
   // Where the goal lies the end comes while braking; elsewhere one frame later.
-  Sogm split = empty_map({9, 9, 9}, 0.2, 10, kStart, 200'000);
+  Sogm split = empty_map({9, 9, 9}, 0.2, 10, kStart, 200ms);
   mark_box(&split, {0.6, -9, -9}, {9, 9, 9}, 8, 8);
   mark_box(&split, Vector3d::Constant(-9), Vector3d::Constant(9), 9, 9);
   const Scene later(split);
   ASSERT_EQ(search.find(later.problem(at_rest({0.1, 0.1, 0.1}), kStart, {3, 0, 0}), &result), SearchStatus::kPartial);
-  EXPECT_EQ(result.free_until_utime, kStart + 1'800'000);
+  EXPECT_EQ(result.free_until_utime, kStart + 1800ms);
 }
 
 TEST(KinodynamicSearchTest, KeepsOutOfTheInflationWhereThatCostsLittle) {
   const SearchLimits limits;
   SearchOptions options;
-  Sogm occupied = empty_map({6, 6, 3}, 0.1, 10, kStart, 200'000);
+  Sogm occupied = empty_map({6, 6, 3}, 0.1, 10, kStart, 200ms);
   mark_moving(&occupied, {0, -0.3, 0}, Vector3d::Zero(), 0.08, true);  // beside the straight way
   const Scene scene(occupied);
   const SearchProblem problem = scene.problem(at_rest({-0.51, 0.01, 0.02}), kStart, {9, 0.01, 0.02});
@@ -452,7 +453,7 @@ TEST(KinodynamicSearchTest, KeepsOutOfTheInflationWhereThatCostsLittle) {
 
 // A shot at the goal would be free, but crosses where an obstacle was a moment ago and may come back to.
 TEST(KinodynamicSearchTest, ShotsKeepOutOfWhatWasRecentlyOccupied) {
-  Sogm occupied = empty_map({6, 6, 3}, 0.1, 10, kStart, 200'000);
+  Sogm occupied = empty_map({6, 6, 3}, 0.1, 10, kStart, 200ms);
   mark_box(&occupied, {-0.4, -0.2, -9}, {0.4, 0.1, 9}, 0, 0);
   const Scene avoided(occupied, 2.0), forgotten(occupied, 0.0);
   const auto samples_there = [&](const Scene& scene, SearchStatus expected) {
@@ -461,8 +462,7 @@ TEST(KinodynamicSearchTest, ShotsKeepOutOfWhatWasRecentlyOccupied) {
     EXPECT_EQ(search.find(scene.problem(at_rest({-1, 0.01, 0.02}), kStart, {0.9, 0.01, 0.02}), &result), expected);
     int count = 0;
     for (double t = 0.0; t < result.num_pieces * 0.2; t += 0.005)
-      count += occupied_at(avoided.recently_occupied, state_at(result, 0.2, t).position,
-                           kStart + static_cast<std::int64_t>(1e6 * t));
+      count += occupied_at(avoided.recently_occupied, state_at(result, 0.2, t).position, kStart + to_duration(t));
     return count;
   };
   const int without = samples_there(forgotten, SearchStatus::kGoal);
@@ -476,7 +476,7 @@ TEST(KinodynamicSearchTest, RepeatsBitForBit) {
   const SearchOptions options;
   KinodynamicSearch search(limits, options);
   for (int trial = 0; trial < 20; ++trial) {
-    const Scene scene(random_map(rng, 25, {5, 5, 3}, 10, kStart, 200'000));
+    const Scene scene(random_map(rng, 25, {5, 5, 3}, 10, kStart, 200ms));
     const MotionState start = viable_state(rng, limits, 0.2, {2, 2, 1});
     const SearchProblem problem = scene.problem(start, kStart, in_cube(rng, 3));
     SearchResult first, second;

@@ -69,8 +69,8 @@ TEST(PrimitivesTest, PropagateIntegratesThePrimitive) {
   Rng rng(3);
   for (int trial = 0; trial < 50; ++trial) {
     SearchOptions options;
-    options.piece_us = uniform_int(rng, 150'000, 400'000);
-    const double tau = 1e-6 * options.piece_us;
+    options.piece = Duration(uniform_int(rng, 150'000, 400'000));
+    const double tau = to_seconds(options.piece);
     const Primitives primitives(SearchLimits{}, options);
     const MotionState from = random_state(rng, 5, 2, 6);
     const Vector3d a1 = in_cube(rng, 6);
@@ -102,7 +102,7 @@ TEST(PrimitivesTest, SamplesLieAtMostAVoxelApart) {
     limits.a_max_mps2 = 20.0;
     Primitives primitives(limits, SearchOptions{});
     for (const double resolution_m : {0.1, 0.2, 0.3}) {
-      primitives.lay_out(empty_map({0.3, 0.3, 64 * resolution_m}, resolution_m, 1, kStart, 100'000).geometry);
+      primitives.lay_out(empty_map({0.3, 0.3, 64 * resolution_m}, resolution_m, 1, kStart, 100ms).geometry);
       ASSERT_EQ(primitives.num_samples() % kBlockSamples, 0);
       ASSERT_LE(primitives.num_samples(), kMaxSamples);
       for (int trial = 0; trial < 200; ++trial) {
@@ -128,7 +128,7 @@ TEST(PrimitivesTest, SamplesLieAtMostAVoxelApart) {
 // In the middle of a piece the acceleration may be too large for the speed: it is taken back at once.
 TEST(PrimitivesTest, AStartThatStillRisesHardlyPassesTheSpeedLimit) {
   Rng rng(8);
-  const Scene scene(empty_map({9, 9, 2}, 0.1, 20, kStart, 100'000));
+  const Scene scene(empty_map({9, 9, 2}, 0.1, 20, kStart, 100ms));
   const SearchLimits limits;
   KinodynamicSearch search(limits, SearchOptions{});
   SearchResult path;

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "tests/support/random_map.h"
+#include "tests/support/start_time.h"
 
 namespace swarm {
 namespace {
@@ -16,7 +17,6 @@ namespace {
 using Eigen::Vector3d;
 using Eigen::Vector3i;
 
-constexpr std::int64_t kStart = 1'700'000'000'000'000;
 constexpr int kTicks = 16, kFar = 30'000, kLongest = 15'000;  // per step; beside the window; of ways told apart
 constexpr double kBlocked_m = 0.25;
 
@@ -48,7 +48,7 @@ class PlainSpaceTimeHeuristic {
     const Vector3i goal_cell = ((goal - corner) / cell_m).array().floor().matrix().cast<int>();
     for (int step = num_steps - 1; step >= 0; --step) {
       const auto later = static_cast<std::size_t>(step) + 1;
-      const int frame = occupied.frame_at(kStart + std::llround(1e6 * (step + 0.5) * step_s));
+      const int frame = occupied.frame_at(kStart + to_duration((step + 0.5) * step_s));
       values[later - 1] = table([&](const Vector3i& cell) {
         if (cell == goal_cell) return step * kTicks;  // an occupied goal is still where to go
         bool open = distance_to_occupied(occupied, frame, middle(cell), 1.0) > kBlocked_m + 1e-6;
@@ -93,15 +93,15 @@ TEST(SpaceTimeHeuristicTest, EqualsAPlainDynamicProgramme) {
     const Vector3d size_m =
         trial % 6 == 5 ? Vector3d(2.1, 1.9, trial % 12 == 5 ? 14.5 : 12.8) : Vector3d(5, 3.9 + 0.1 * (trial % 3), 2.1);
     const double speed_mps = std::array{2.0, 0.7, 6.3, 0.01}[static_cast<std::size_t>(trial % 4)];
-    Sogm occupied = empty_map(size_m, 0.1, 8, kStart, 100'000);
+    Sogm occupied = empty_map(size_m, 0.1, 8, kStart, 100ms);
     const Vector3d half = size_m / 2;
     for (int i = 0; i < 8; ++i)
       mark_moving(&occupied, in_box(rng, -half, half), in_cube(rng, 2.0), uniform(rng, 0.05, 0.35), i % 3 == 0);
-    Sogm standing = empty_map(size_m, 0.1, 1, kStart, 100'000);
+    Sogm standing = empty_map(size_m, 0.1, 1, kStart, 100ms);
     if (trial % 2 == 0) mark_box(&standing, {0, -9, -9}, {0.3, uniform(rng, 0, 1), 99});
     const Vector3d goal = trial % 5 == 0 ? in_box(rng, -4 * half, 4 * half) : in_box(rng, -half, half);
     const double low_z = uniform(rng, -0.9, -0.5), high_z = uniform(rng, 0.4, 9);
-    ReachableSet reach{in_box(rng, -half, half), kStart + uniform_int(rng, 0, 300'000), speed_mps, 2.0};
+    ReachableSet reach{in_box(rng, -half, half), kStart + Duration(uniform_int(rng, 0, 300'000)), speed_mps, 2.0};
     if (trial % 3 != 0) {
       reach.acceleration_mps2 = uniform(rng, 1.0, 5.0) * speed_mps;
       reach.velocity = in_cube(rng, speed_mps);
@@ -120,14 +120,14 @@ TEST(SpaceTimeHeuristicTest, EqualsAPlainDynamicProgramme) {
     const PlainSpaceTimeHeuristic plain(occupied, guided, speed_mps, goal, low_z, high_z, heuristic.num_steps(), known);
     const int first = heuristic.step_at(reach.utime);
     for (int step = first; step <= heuristic.num_steps(); ++step) {
-      const auto at = kStart + std::llround(1e6 * step * step_s);
+      const auto at = kStart + to_duration(step * step_s);
       EXPECT_EQ(heuristic.step_at(at), step);
       (void)plain.table([&](const Vector3i& cell) {
         const Vector3d inside =
             corner + cell_m * (cell.cast<double>() + in_box(rng, {0.01, 0.01, 0.01}, {0.99, 0.99, 0.99}));
         const Vector3i found(heuristic.cell_of(step, 0, inside.x()), heuristic.cell_of(step, 1, inside.y()),
                              heuristic.cell_of(step, 2, inside.z()));
-        const double s = std::max(0.0, 1e-6 * static_cast<double>(at - reach.utime));
+        const double s = std::max(0.0, to_seconds(at - reach.utime));
         const Interval x = extent(reach, 0, s, s), y = extent(reach, 1, s, s);
         const bool reached = occupied.geometry.contains(occupied.geometry.voxel_of(inside)) && inside.x() >= x.low &&
                              inside.x() <= x.high && inside.y() >= y.low && inside.y() <= y.high;
@@ -165,7 +165,7 @@ TEST(SpaceTimeHeuristicTest, EqualsAPlainDynamicProgramme) {
 
 // A wall with a door that opens after 0.8 s: waiting there is what it costs.
 TEST(SpaceTimeHeuristicTest, KnowsHowLongADoorStaysShut) {
-  Sogm occupied = empty_map({8, 4, 2}, 0.1, 20, kStart, 100'000);
+  Sogm occupied = empty_map({8, 4, 2}, 0.1, 20, kStart, 100ms);
   mark_box(&occupied, {0.2, -9, -9}, {0.4, 9, 9}, 0, 7);
   mark_box(&occupied, {0.2, -9, -9}, {0.4, -0.5, 9}, 8);
   mark_box(&occupied, {0.2, 0.5, -9}, {0.4, 9, 9}, 8);
@@ -173,7 +173,7 @@ TEST(SpaceTimeHeuristicTest, KnowsHowLongADoorStaysShut) {
   heuristic.build({&occupied}, kBlocked_m, nullptr, {{-0.5, 0, 0}, kStart, 2.0, 2.0}, {6, 0, 0}, {-99, -99, -1},
                   {99, 99, 1});
   const auto delay_s = [&](double since_s, double x, double y) {
-    const int step = heuristic.step_at(kStart + std::llround(1e6 * since_s));
+    const int step = heuristic.step_at(kStart + to_duration(since_s));
     return heuristic.delay_s(step, heuristic.cell_of(step, 0, x), heuristic.cell_of(step, 1, y),
                              heuristic.cell_of(step, 2, 0.05));
   };
@@ -189,7 +189,7 @@ TEST(SpaceTimeHeuristicTest, KnowsHowLongADoorStaysShut) {
 
 // The rest of the window beyond the last whole cell belongs to that cell.
 TEST(SpaceTimeHeuristicTest, KnowsTheWholeWindow) {
-  const Sogm occupied = empty_map({2.2, 2.3, 2.1}, 0.1, 8, kStart, 100'000);
+  const Sogm occupied = empty_map({2.2, 2.3, 2.1}, 0.1, 8, kStart, 100ms);
   SpaceTimeHeuristic heuristic;
   heuristic.build({&occupied}, kBlocked_m, nullptr, {{0, 0, 0}, kStart, 2.0, 2.0}, {0, 0, 0}, {-99, -99, -9},
                   {99, 99, 9});
@@ -206,8 +206,8 @@ TEST(SpaceTimeHeuristicTest, KnowsTheWholeWindow) {
 
 // Ways too long to be told apart: no cell is nearer to the goal than another, so that only time passes.
 TEST(SpaceTimeHeuristicTest, FarGoalsAreFarEverywhere) {
-  const Sogm occupied = empty_map({5, 5, 2}, 0.1, 8, kStart, 100'000);
-  Sogm standing = empty_map({5, 5, 2}, 0.1, 1, kStart, 100'000);
+  const Sogm occupied = empty_map({5, 5, 2}, 0.1, 8, kStart, 100ms);
+  Sogm standing = empty_map({5, 5, 2}, 0.1, 1, kStart, 100ms);
   mark_box(&standing, {0, -9, -9}, {0.3, 1, 9});
   for (const double far_m : {400.0, 3e4}) {
     const Vector3d goal(far_m, 1.0, 0.0);

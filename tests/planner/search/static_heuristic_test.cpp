@@ -3,7 +3,6 @@
 
 #include <gtest/gtest.h>
 
-#include <cmath>
 #include <deque>
 #include <map>
 #include <vector>
@@ -89,7 +88,7 @@ TEST(StaticHeuristicTest, EqualsAPlainBreadthFirstSearch) {
   for (int trial = 0; trial < 40; ++trial) {
     // Even and odd sizes; columns of one, two and three words of cells.
     const Vector3d size_m = trial % 4 == 3 ? Vector3d(1.1, 0.9, 14.0 + 6 * (trial % 3)) : Vector3d(4, 3.1, 2.1);
-    Sogm standing = empty_map(size_m, 0.1, 1, 0, 100'000);
+    Sogm standing = empty_map(size_m, 0.1, 1, Utime(), 100ms);
     const Vector3d half = size_m / 2;
     for (int i = 0; i < 12; ++i) mark_ball(&standing, 0, in_box(rng, -half, half), uniform(rng, 0.1, 0.7), i % 3 == 0);
     if (trial % 2 == 0) mark_box(&standing, {0, -9, -9}, {0.3, uniform(rng, 0, 1), 99}, 0, 0);
@@ -122,7 +121,7 @@ TEST(StaticHeuristicTest, EqualsAPlainBreadthFirstSearch) {
 
 TEST(StaticHeuristicTest, KnowsNothingOutsideItsWindow) {
   StaticHeuristic static_heuristic;
-  Sogm standing = empty_map({3, 3, 3}, 0.1, 1, 0, 100'000);
+  Sogm standing = empty_map({3, 3, 3}, 0.1, 1, Utime(), 100ms);
   mark_box(&standing, {-0.3, -0.3, -0.3}, {0.3, 0.3, 0.3});
   static_heuristic.build({&standing}, kBlocked_m, Vector3d(1.2, 0, 0), -1.5, 1.5);
   const auto steps = [&](const Vector3d& corner, int x, int y) {
@@ -146,10 +145,10 @@ TEST(StaticHeuristicTest, KnowsNothingOutsideItsWindow) {
 
 TEST(StaticHeuristicTest, SaysNothingWhereNothingStands) {
   StaticHeuristic static_heuristic;
-  const Sogm standing = empty_map({2, 2, 2}, 0.1, 1, 0, 100'000);
+  const Sogm standing = empty_map({2, 2, 2}, 0.1, 1, Utime(), 100ms);
   static_heuristic.build({&standing}, kBlocked_m, Vector3d::Zero(), -1, 1);
   EXPECT_TRUE(static_heuristic.empty());
-  Sogm small = empty_map({0.1, 2, 2}, 0.1, 1, 0, 100'000);  // less than half a cell
+  Sogm small = empty_map({0.1, 2, 2}, 0.1, 1, Utime(), 100ms);  // less than half a cell
   mark_box(&small, {-1, -1, -1}, {1, 1, 1});
   static_heuristic.build({&small}, kBlocked_m, Vector3d::Zero(), -1, 1);
   EXPECT_TRUE(static_heuristic.empty());

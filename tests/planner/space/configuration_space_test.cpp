@@ -3,13 +3,13 @@
 
 #include <gtest/gtest.h>
 
-#include <limits>
 #include <optional>
 #include <vector>
 
 #include "planner_daemon/space/first_touch.h"
 #include "tests/support/random_map.h"
 #include "tests/support/random_reachable_set.h"
+#include "tests/support/start_time.h"
 
 namespace swarm {
 namespace {
@@ -17,14 +17,12 @@ namespace {
 using Eigen::Vector3d;
 using Eigen::Vector3i;
 
-constexpr std::int64_t kStart = 1'700'000'000'000'000;
-
 // Adds what a peer sweeps, everywhere.
 void draw(const Motion& motion, double radius_m, Sogm* sogm) {
   const std::vector<Columns> everywhere(static_cast<std::size_t>(sogm->num_frames), all_columns(sogm->geometry));
   SweptVolumes volumes;
   volumes.lay_out(*sogm);
-  volumes.add(motion, radius_m, std::llround(1e6 * ConfigurationSpaceOptions().clock_error_s), everywhere);
+  volumes.add(motion, radius_m, to_duration(ConfigurationSpaceOptions().clock_error_s), everywhere);
   for (int frame = 0; frame < sogm->num_frames; ++frame) {
     std::vector<Layer> layers;
     volumes.append_layers(frame, all_columns(sogm->geometry), &layers);
@@ -58,8 +56,7 @@ class ConfigurationSpaceTest : public testing::Test {
   void define(const Sogm& sogm, const std::vector<Peer>& peers, const ConfigurationSpaceOptions& options) {
     const Sogm all = with_peers(sogm, peers);
     Sogm lately = all;
-    const int back =
-        static_cast<int>(std::llround(1e6 * options.recently_occupied_s / static_cast<double>(all.frame_duration_us)));
+    const int back = static_cast<int>(std::lround(options.recently_occupied_s / to_seconds(all.frame_duration)));
     for (int frame = 0; frame < all.num_frames; ++frame) {
       for (int before = std::max(0, frame - back); before < frame; ++before) {
         for (int i = 0; i < all.geometry.words_per_frame(); ++i)
@@ -97,13 +94,13 @@ TEST_F(ConfigurationSpaceTest, EqualTheirDefinitionWhereLookedAt) {
   int compared = 0, severities = 0, set = 0;
   for (int trial = 0; trial < 40; ++trial) {
     const Vector3d size_m = trial / 10 == 1 ? Vector3d(3, 3.5, 7) : Vector3d(5, 4.3, 2);
-    const Sogm sogm = random_map(rng, trial % 7, size_m, 8, kStart, 100'000);
+    const Sogm sogm = random_map(rng, trial % 7, size_m, 8, kStart, 100ms);
     std::vector<Peer> peers(static_cast<std::size_t>(trial % 3));
     for (Peer& peer : peers) {
-      peer.motion = random_motion(rng, kStart - 500'000, 2.0);
+      peer.motion = random_motion(rng, kStart - 500ms, 2.0);
       peer.silent = trial % 5 == 0;
       if (trial % 2 == 0) {
-        const std::int64_t leave = kStart + 150'000;
+        const Utime leave = kStart + 150ms;
         peer.pending = random_trajectory(rng, 2, leave, peer.motion.committed.at(leave), 2.0);
       }
     }
@@ -148,7 +145,7 @@ TEST_F(ConfigurationSpaceTest, EqualTheirDefinitionWhereLookedAt) {
     }
     for (int look = 0; look < 50; ++look) {
       const Vector3d position = in_box(rng, -0.6 * size_m, 0.6 * size_m);
-      const std::int64_t utime = kStart + uniform_int(rng, -200'000, 1'200'000);
+      const Utime utime = kStart + uniform_duration(rng, -200ms, 1200ms);
       const int frame = blocked.frame_at(utime);
       const Vector3i voxel = blocked.geometry.voxel_of(position);
       const bool is_blocked = blocked.occupied(frame, voxel);
@@ -172,9 +169,9 @@ TEST_F(ConfigurationSpaceTest, PeersCountWhereTheRobotComes) {
   ConfigurationSpace space({});
   int near_peers = 0;
   for (int trial = 0; trial < 40; ++trial) {
-    const Sogm sogm = empty_map({6, 6, 2}, 0.1, 10, kStart, 100'000);
+    const Sogm sogm = empty_map({6, 6, 2}, 0.1, 10, kStart, 100ms);
     std::vector<Peer> peers(1);
-    peers[0].motion = random_motion(rng, kStart - 500'000, 2.0);
+    peers[0].motion = random_motion(rng, kStart - 500ms, 2.0);
     const ReachableSet reach = random_reachable_set(rng, sogm);
     space.compose(sogm, peers, reach);
     define(sogm, peers, {});
@@ -197,15 +194,15 @@ TEST_F(ConfigurationSpaceTest, PeersCountWhereTheRobotComes) {
 
 TEST_F(ConfigurationSpaceTest, StandingIsWhatIsOccupiedInAllFramesAndPeersThatHover) {
   ConfigurationSpace space({});
-  Sogm sogm = empty_map({4, 4, 2}, 0.1, 6, kStart, 100'000);
+  Sogm sogm = empty_map({4, 4, 2}, 0.1, 6, kStart, 100ms);
   mark_box(&sogm, {1, 1, -9}, {1.3, 1.3, 9});
   mark_box(&sogm, {-1, 1, -9}, {-0.7, 1.3, 9}, 0, 4);
   mark_box(&sogm, {-1, -1, -9}, {-0.7, -0.7, 9}, 0, 2);
   mark_box(&sogm, {-1, -1, -9}, {-0.7, -0.7, 9}, 4, 5);
   std::vector<Peer> peers(2);
-  peers[0].motion.committed = Trajectory::hover(1, kStart - 1'000'000, {1, -1, 0});
+  peers[0].motion.committed = Trajectory::hover(1, kStart - 1s, {1, -1, 0});
   Rng rng(3);
-  peers[1].motion.committed = random_trajectory(rng, 1, kStart - 100'000, MotionState{}, 1.0);  // still under way
+  peers[1].motion.committed = random_trajectory(rng, 1, kStart - 100ms, MotionState{}, 1.0);  // still under way
   space.compose(sogm, peers, {{0, 0, 0}, kStart, 2.0, 2.0});
   const Occupancy standing = space.compose_standing(peers);
   Sogm occupied = *standing.sogm;
@@ -227,26 +224,26 @@ TEST(ConfigurationSpaceOfAPoint, FirstBlockedAgreesWithBruteForce) {
   Sogm sogm;
   ConfigurationSpace space({.radius_m = 0.0, .clearance_m = 0.0});
   for (int trial = 0; trial < 200; ++trial) {
-    if (trial % 5 == 0) sogm = random_map(rng, uniform_int(rng, 1, 25), {4, 4, 3}, 10, kStart, 200'000);
+    if (trial % 5 == 0) sogm = random_map(rng, uniform_int(rng, 1, 25), {4, 4, 3}, 10, kStart, 200ms);
     space.compose(sogm, {}, {});
-    const Motion motion = random_motion(rng, kStart - uniform_int(rng, 0, 500'000), 1.8);
-    const std::int64_t from = kStart + uniform_int(rng, -100'000, 2'500'000);
-    const auto is_blocked = [&](std::int64_t t) {
+    const Motion motion = random_motion(rng, kStart - uniform_duration(rng, 0us, 500ms), 1.8);
+    const Utime from = kStart + uniform_duration(rng, -100ms, 2500ms);
+    const auto is_blocked = [&](Utime t) {
       return sogm.occupied(sogm.frame_at(t), sogm.geometry.voxel_of(motion.at(t).position));
     };
-    std::int64_t in_a_row = std::numeric_limits<std::int64_t>::max();
+    Utime in_a_row = kNever;
     int count = 0;
-    const std::int64_t map_end = kStart + 2'000'000, end = std::max(motion.end_utime(), map_end);
-    for (std::int64_t t = from; t < end && in_a_row == std::numeric_limits<std::int64_t>::max(); t += 500) {
+    const Utime map_end = kStart + 2s, end = std::max(motion.end_utime(), map_end);
+    for (Utime t = from; t < end && in_a_row == kNever; t += 500us) {
       count = is_blocked(t) ? count + 1 : 0;
       if (count > 20) in_a_row = t;
     }
-    const std::int64_t reported = space.first_blocked(motion, from);
-    SCOPED_TRACE(testing::Message() << "trial " << trial << ", from " << from - kStart << ", reported "
-                                    << reported - kStart << "\n"
+    const Utime reported = space.first_blocked(motion, from);
+    SCOPED_TRACE(testing::Message() << "trial " << trial << ", from " << (from - kStart).count() << ", reported "
+                                    << (reported - kStart).count() << "\n"
                                     << motion);
     ASSERT_LE(reported, in_a_row);
-    if (reported == std::numeric_limits<std::int64_t>::max()) continue;
+    if (reported == kNever) continue;
     ++blocked;
     ASSERT_GE(reported, from);
     ASSERT_TRUE(is_blocked(reported));
@@ -264,7 +261,7 @@ TEST(FirstTouch, AgreesWithBruteForce) {
     Sogm sogm = random_bits({30, 30, 70}, 5, 0.002, 0.1, rng);
     sogm.start_utime = kStart;
     const Vector3d middle = sogm.geometry.center_of(sogm.geometry.size / 2);
-    Motion motion = random_motion(rng, kStart - 300'000, 1.5);
+    Motion motion = random_motion(rng, kStart - 300ms, 1.5);
     for (Trajectory* part : {&motion.committed, &motion.next}) {  // into the window
       for (int k = 0; !part->empty() && k <= part->num_pieces(); ++k) {
         MotionState knot = part->knot(k);
@@ -273,9 +270,9 @@ TEST(FirstTouch, AgreesWithBruteForce) {
       }
     }
     const double radius = uniform(rng, 0.05, 0.4);
-    const std::int64_t from = kStart + uniform_int(rng, 0, 300'000), until = from + uniform_int(rng, 0, 800'000);
-    std::int64_t expected = std::numeric_limits<std::int64_t>::max();
-    for (std::int64_t t = from; t <= until && expected > until; t += 20'000) {
+    const Utime from = kStart + uniform_duration(rng, 0us, 300ms), until = from + uniform_duration(rng, 0us, 800ms);
+    Utime expected = kNever;
+    for (Utime t = from; t <= until && expected > until; t += 20ms) {
       const Vector3d position = motion.at(t).position;
       for_each_column(sogm.geometry, [&](int x, int y) {
         for (int z = 0; z < sogm.geometry.size.z(); ++z) {

@@ -50,7 +50,7 @@ TEST(ReachTest, HoldsEveryMotionWithinTheLimitsAndLittleMore) {
   int loose = 0, sides = 0;
   for (int trial = 0; trial < 200; ++trial) {
     Sogm sogm;
-    sogm.reset({.resolution_m = 0.1, .origin = {-60, -60, 0}, .size = {120, 120, 1}}, 6, 1'000'000, 100'000);
+    sogm.reset({.resolution_m = 0.1, .origin = {-60, -60, 0}, .size = {120, 120, 1}}, 6, Utime(1s), 100ms);
     ReachableSet reach = random_reachable_set(rng, sogm);
     reach.center = in_cube(rng, 1.0);
     const double linger_s = trial % 2 == 0 ? 0.0 : uniform(rng, 0.0, 0.3);
@@ -63,7 +63,7 @@ TEST(ReachTest, HoldsEveryMotionWithinTheLimitsAndLittleMore) {
       for (double t = 0.0; t <= reach.horizon_s; t += kStep_s, flight.step(kStep_s)) {
         const Eigen::Vector2i voxel = sogm.geometry.voxel_of({flight.at().x(), flight.at().y(), 0.05}).head<2>();
         for (int frame = 0; frame < sogm.num_frames; ++frame) {
-          const double since_s = t + 1e-6 * static_cast<double>(reach.utime - sogm.start_utime) - 0.1 * frame;
+          const double since_s = t + to_seconds(reach.utime - sogm.start_utime) - 0.1 * frame;
           const bool last = frame + 1 == sogm.num_frames;
           if (since_s < 0.0 || (!last && since_s > 0.1 + linger_s)) continue;
           const Columns columns = reachable_columns(sogm, frame, reach, linger_s);
@@ -90,12 +90,12 @@ TEST(ReachTest, HoldsEveryMotionWithinTheLimitsAndLittleMore) {
 
 TEST(ReachTest, IsEmptyBeforeAndOutsideTheWindow) {
   Sogm sogm;
-  sogm.reset({.resolution_m = 0.1, .origin = {0, 0, 0}, .size = {20, 20, 1}}, 3, 1'000'000, 100'000);
-  ReachableSet reach{{1, 1, 0}, 1'150'000, 1.0, 1.0};
+  sogm.reset({.resolution_m = 0.1, .origin = {0, 0, 0}, .size = {20, 20, 1}}, 3, Utime(1s), 100ms);
+  ReachableSet reach{{1, 1, 0}, Utime(1150ms), 1.0, 1.0};
   EXPECT_TRUE(reachable_columns(sogm, 0, reach).empty());
   EXPECT_FALSE(reachable_columns(sogm, 0, reach, 0.06).empty());
   EXPECT_FALSE(reachable_columns(sogm, 1, reach).empty());
-  reach.utime = 9'000'000;
+  reach.utime = Utime(9s);
   EXPECT_FALSE(reachable_columns(sogm, 2, reach).empty());  // in force for ever
   reach.center.x() = 4.0;
   EXPECT_TRUE(reachable_columns(sogm, 2, reach).empty());

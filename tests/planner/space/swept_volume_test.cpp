@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "tests/support/random_motion.h"
+#include "tests/support/start_time.h"
 
 namespace swarm {
 namespace {
@@ -15,21 +16,20 @@ namespace {
 using Eigen::Vector3d;
 using Eigen::Vector3i;
 
-constexpr std::int64_t kStart = 1'700'000'000'000'000;
-constexpr std::int64_t kStep_us = 2000;
+constexpr Duration kStep = 2ms;
 
-std::vector<Vector3d> positions_during(const Motion& motion, std::int64_t from, std::int64_t to) {
+std::vector<Vector3d> positions_during(const Motion& motion, Utime from, Utime to) {
   std::vector<Vector3d> positions;
-  for (std::int64_t t = from; t <= to; t += kStep_us) positions.push_back(motion.at(std::min(t, to)).position);
+  for (Utime t = from; t <= to; t += kStep) positions.push_back(motion.at(std::min(t, to)).position);
   positions.push_back(motion.at(to).position);
   return positions;
 }
 
 // How far the hull of a span's control points reaches from its chord, from their second differences alone.
-double bulge(const Motion& motion, std::int64_t from, std::int64_t to) {
+double bulge(const Motion& motion, Utime from, Utime to) {
   double largest = 0.0;
   while (from < to) {
-    const std::int64_t stop = std::min(motion.next_knot_after(from), to);
+    const Utime stop = std::min(motion.next_knot_after(from), to);
     const ControlPoints c = control_points_between(motion, from, stop);
     for (int k = 1; k < 5; ++k) {
       largest = std::max(largest, 25.0 / 8.0 * (c.col(k - 1) - 2 * c.col(k) + c.col(k + 1)).norm());
@@ -42,7 +42,7 @@ double bulge(const Motion& motion, std::int64_t from, std::int64_t to) {
 // What the layers of all frames hold, drawn into a map like `sogm`.
 Sogm drawn(const SweptVolumes& volumes, const Sogm& sogm) {
   Sogm out;
-  out.reset(sogm.geometry, sogm.num_frames, sogm.start_utime, sogm.frame_duration_us);
+  out.reset(sogm.geometry, sogm.num_frames, sogm.start_utime, sogm.frame_duration);
   const auto words = static_cast<std::size_t>(sogm.geometry.words_per_column());
   for (int frame = 0; frame < sogm.num_frames; ++frame) {
     std::vector<Layer> layers;
@@ -60,10 +60,10 @@ Sogm drawn(const SweptVolumes& volumes, const Sogm& sogm) {
 }
 
 Sogm swept(const Motion& motion, double radius_m, const Sogm& sogm, const std::vector<Columns>& bounds,
-           std::int64_t clock_error_us = 0) {
+           Duration clock_error = {}) {
   SweptVolumes volumes;
   volumes.lay_out(sogm);
-  volumes.add(motion, radius_m, clock_error_us, bounds);
+  volumes.add(motion, radius_m, clock_error, bounds);
   return drawn(volumes, sogm);
 }
 
@@ -78,7 +78,7 @@ Sogm random_window(Rng& rng) {
   geometry.origin =
       -geometry.size / 2 + Vector3i(uniform_int(rng, -8, 8), uniform_int(rng, -8, 8), uniform_int(rng, -8, 8));
   Sogm sogm;
-  sogm.reset(geometry, uniform_int(rng, 1, 12), kStart, uniform_int(rng, 50'000, 400'000));
+  sogm.reset(geometry, uniform_int(rng, 1, 12), kStart, uniform_duration(rng, 50ms, 400ms));
   return sogm;
 }
 
@@ -89,19 +89,19 @@ TEST(SweptVolumeTest, MarksWhatTheMotionSweepsInEachFrameAndLittleMore) {
   std::int64_t marked = 0, needed = 0;
   for (int trial = 0; trial < 60; ++trial) {
     const Sogm window = random_window(rng);
-    const Motion motion = random_motion(rng, kStart - uniform_int(rng, 0, 1'000'000), 2.0);
+    const Motion motion = random_motion(rng, kStart - uniform_duration(rng, 0us, 1s), 2.0);
     const double radius = uniform(rng, 0.1, 0.5);
-    const std::int64_t error = trial % 2 == 0 ? 0 : uniform_int(rng, 1, 50'000);  // of the clock
+    const Duration error = trial % 2 == 0 ? 0us : uniform_duration(rng, 1us, 50ms);  // of the clock
     const Sogm sogm = swept(motion, radius, window, everywhere(window), error);
     SCOPED_TRACE(testing::Message() << "trial " << trial << ", radius " << radius << ", resolution "
                                     << sogm.geometry.resolution_m << ", origin " << sogm.geometry.origin.transpose()
                                     << ", size " << sogm.geometry.size.transpose() << ", " << sogm.num_frames
-                                    << " frames of " << sogm.frame_duration_us << "\n"
+                                    << " frames of " << sogm.frame_duration.count() << " us\n"
                                     << motion);
     const GridGeometry& grid = sogm.geometry;
     for (int frame = 0; frame < sogm.num_frames; ++frame) {
-      const std::int64_t from = kStart + frame * sogm.frame_duration_us - error;
-      const std::int64_t to = from + sogm.frame_duration_us + 2 * error;
+      const Utime from = kStart + frame * sogm.frame_duration - error;
+      const Utime to = from + sogm.frame_duration + 2 * error;
       switches_inside_a_frame +=
           !motion.next.empty() && motion.next.start_utime() > from && motion.next.start_utime() < to;
       const std::vector<Vector3d> positions = positions_during(motion, from, to);
@@ -150,9 +150,8 @@ TEST(SweptVolumeTest, HoverTailFillsAllLaterFramesWithTheSameBall) {
   Sogm sogm;
   GridGeometry geometry;
   geometry.size = {20, 20, 20};
-  sogm.reset(geometry, 4, kStart, 200'000);
-  const Sogm marked =
-      swept({Trajectory::hover(1, kStart - 10'000'000, {1.0, 1.0, 1.0}), {}}, 0.3, sogm, everywhere(sogm));
+  sogm.reset(geometry, 4, kStart, 200ms);
+  const Sogm marked = swept({Trajectory::hover(1, kStart - 10s, {1.0, 1.0, 1.0}), {}}, 0.3, sogm, everywhere(sogm));
   for (int frame = 0; frame < 4; ++frame) {
     for (int x = 0; x < 20; ++x) {
       for (int y = 0; y < 20; ++y) {
@@ -167,13 +166,13 @@ TEST(SweptVolumeTest, HoverTailFillsAllLaterFramesWithTheSameBall) {
 
 TEST(SweptVolumeTest, KeepsOffFarWindowsAndHoldsSeveralMotions) {
   Sogm sogm;
-  sogm.reset({.resolution_m = 0.1, .origin = {0, 0, 0}, .size = {10, 10, 10}}, 2, kStart, 200'000);
+  sogm.reset({.resolution_m = 0.1, .origin = {0, 0, 0}, .size = {10, 10, 10}}, 2, kStart, 200ms);
   SweptVolumes volumes;
   volumes.lay_out(sogm);
-  volumes.add({Trajectory::hover(1, kStart, {-5, 0, 50}), {}}, 0.3, 0, everywhere(sogm));
+  volumes.add({Trajectory::hover(1, kStart, {-5, 0, 50}), {}}, 0.3, 0us, everywhere(sogm));
   EXPECT_EQ(drawn(volumes, sogm).words, sogm.words);
-  volumes.add({Trajectory::hover(1, kStart, {0.85, 0.85, 0.85}), {}}, 0.1, 0, everywhere(sogm));
-  volumes.add({Trajectory::hover(1, kStart, {0.25, 0.35, 0.45}), {}}, 0.1, 0, everywhere(sogm));
+  volumes.add({Trajectory::hover(1, kStart, {0.85, 0.85, 0.85}), {}}, 0.1, 0us, everywhere(sogm));
+  volumes.add({Trajectory::hover(1, kStart, {0.25, 0.35, 0.45}), {}}, 0.1, 0us, everywhere(sogm));
   EXPECT_TRUE(drawn(volumes, sogm).occupied(1, {2, 3, 4}));
   EXPECT_TRUE(drawn(volumes, sogm).occupied(1, {8, 8, 8}));
   std::vector<Layer> layers;
@@ -186,12 +185,12 @@ TEST(SweptVolumeTest, KeepsOffFarWindowsAndHoldsSeveralMotions) {
 
 TEST(SweptVolumeTest, KeepsToTheBounds) {
   Sogm sogm;
-  sogm.reset({.resolution_m = 0.1, .origin = {0, 0, 0}, .size = {20, 20, 20}}, 2, kStart, 200'000);
+  sogm.reset({.resolution_m = 0.1, .origin = {0, 0, 0}, .size = {20, 20, 20}}, 2, kStart, 200ms);
   const std::vector<Columns> bounds = {Columns{{8, 9}, {15, 10}}, Columns{}};
   MotionState slow;  // up, for what rests is drawn once for all frames
   slow.position = {1.0, 1.0, 1.0};
   slow.velocity.z() = 1e-6;
-  Trajectory rising(1, kStart, 1'000'000, 1);
+  Trajectory rising(1, kStart, 1s, 1);
   rising.set_knot(0, slow);
   slow.velocity.setZero();
   rising.set_knot(1, slow);

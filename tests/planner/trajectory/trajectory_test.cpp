@@ -6,16 +6,13 @@
 #include <algorithm>
 #include <array>
 #include <bit>
-#include <limits>
 #include <vector>
 
 #include "tests/support/random_motion.h"
+#include "tests/support/start_time.h"
 
 namespace swarm {
 namespace {
-
-constexpr std::int64_t kNever = std::numeric_limits<std::int64_t>::max();
-constexpr std::int64_t kStart = 1'700'000'000'000'000;
 
 // Independent of Bezier curves: the monomials' coefficients (6 x 3) from the end conditions.
 class HermiteQuintic {
@@ -120,7 +117,8 @@ TEST(QuinticTest, DerivativesMatchDifferencesAndTheDefinitionAtTheEnds) {
 TEST(TrajectoryTest, WireRoundTripIsExact) {
   Rng rng(3);
   for (int trial = 0; trial < 200; ++trial) {
-    const Trajectory trajectory = random_trajectory(rng, 1 + trial, kStart + trial, random_state(rng, 1e3, 9, 9), 1e3);
+    const Trajectory trajectory =
+        random_trajectory(rng, 1 + trial, kStart + Duration(trial), random_state(rng, 1e3, 9, 9), 1e3);
     SCOPED_TRACE(testing::Message() << "trial " << trial << ": " << trajectory);
     const sogm_swarm::trajectory_t sent = trajectory.to_wire();
     std::vector<std::uint8_t> bytes(static_cast<std::size_t>(sent.getEncodedSize()));
@@ -130,7 +128,7 @@ TEST(TrajectoryTest, WireRoundTripIsExact) {
     const Trajectory back = Trajectory::from_wire(received);
     EXPECT_EQ(back.seq(), trajectory.seq());
     EXPECT_EQ(back.start_utime(), trajectory.start_utime());
-    EXPECT_EQ(back.piece_us(), trajectory.piece_us());
+    EXPECT_EQ(back.piece(), trajectory.piece());
     ASSERT_EQ(back.num_pieces(), trajectory.num_pieces());
     for (int i = 0; i <= Trajectory::kMaxPieces; ++i) {
       for (int j = 0; j < 9; ++j) {
@@ -141,12 +139,12 @@ TEST(TrajectoryTest, WireRoundTripIsExact) {
       }
     }
     for (int i = 0; i < 20; ++i) {
-      const std::int64_t t = kStart + uniform_int(rng, -100'000, 4'500'000);
+      const Utime t = kStart + uniform_duration(rng, -100ms, 4500ms);
       const MotionState a = trajectory.at(t), b = back.at(t);
-      ASSERT_EQ(a.position, b.position) << t;
-      ASSERT_EQ(a.velocity, b.velocity) << t;
-      ASSERT_EQ(a.acceleration, b.acceleration) << t;
-      ASSERT_EQ(a.jerk, b.jerk) << t;
+      ASSERT_EQ(a.position, b.position) << to_us(t);
+      ASSERT_EQ(a.velocity, b.velocity) << to_us(t);
+      ASSERT_EQ(a.acceleration, b.acceleration) << to_us(t);
+      ASSERT_EQ(a.jerk, b.jerk) << to_us(t);
     }
   }
   const Trajectory none = Trajectory::from_wire(Trajectory().to_wire());
@@ -156,7 +154,7 @@ TEST(TrajectoryTest, WireRoundTripIsExact) {
 
 TEST(TrajectoryTest, KnotsAreRoundedToWhatTheWireCarries) {
   Rng rng(4);
-  Trajectory trajectory(1, kStart, 200'000, Trajectory::kMaxPieces);
+  Trajectory trajectory(1, kStart, 200ms, Trajectory::kMaxPieces);
   for (int i = 0; i <= trajectory.num_pieces(); ++i) {
     const MotionState state = random_state(rng, 50, 3, 8);
     trajectory.set_knot(i, state);
@@ -172,10 +170,10 @@ TEST(TrajectoryTest, ClampsBeforeTheStartAndHoversAfterTheEnd) {
   for (int trial = 0; trial < 100; ++trial) {
     const Trajectory trajectory = random_trajectory(rng, 1, kStart, random_state(rng, 5, 2, 5), 5);
     SCOPED_TRACE(testing::Message() << "trial " << trial << ": " << trajectory);
-    for (std::int64_t before : {0, 1, 1000, 10'000'000}) {
+    for (const Duration before : {0us, 1us, 1000us, Duration(10s)}) {
       EXPECT_EQ(trajectory.at(kStart - before).position, trajectory.knot(0).position);
     }
-    for (std::int64_t after : {0, 1, 1000, 1'000'000'000}) {
+    for (const Duration after : {0us, 1us, 1000us, Duration(1000s)}) {
       const MotionState state = trajectory.at(trajectory.end_utime() + after);
       EXPECT_EQ(state.position, trajectory.knot(trajectory.num_pieces()).position);
       EXPECT_EQ(state.velocity, Eigen::Vector3d::Zero());
@@ -187,7 +185,7 @@ TEST(TrajectoryTest, ClampsBeforeTheStartAndHoversAfterTheEnd) {
   const Trajectory hover = Trajectory::hover(7, kStart, place);
   EXPECT_EQ(hover.seq(), 7);
   EXPECT_EQ(hover.start_utime(), kStart);
-  for (std::int64_t t : {-5, 0, 50'001, 99'999, 100'000, 200'000}) {
+  for (const Duration t : {-5us, 0us, 50'001us, 99'999us, 100'000us, 200'000us}) {
     EXPECT_EQ(hover.at(kStart + t).position, place);
     EXPECT_EQ(hover.at(kStart + t).velocity, Eigen::Vector3d::Zero());
   }
@@ -199,11 +197,12 @@ TEST(TrajectoryTest, IsTwiceContinuouslyDifferentiableAtTheKnots) {
     const Trajectory trajectory = random_trajectory(rng, 1, kStart, random_state(rng, 5, 2, 5), 5);
     SCOPED_TRACE(testing::Message() << "trial " << trial << ": " << trajectory);
     for (int i = 0; i <= trajectory.num_pieces(); ++i) {
-      const std::int64_t t = kStart + std::int64_t{i} * trajectory.piece_us();
+      const Utime t = kStart + i * trajectory.piece();
       const MotionState knot = trajectory.knot(i);
       for (int side : {-1, 0, 1}) {
-        if (t + side < kStart || t + side > trajectory.end_utime()) continue;
-        const MotionState state = trajectory.at(t + side);  // a microsecond away at most
+        const Utime beside = t + side * 1us;
+        if (beside < kStart || beside > trajectory.end_utime()) continue;
+        const MotionState state = trajectory.at(beside);
         EXPECT_LT((state.position - knot.position - side * 1e-6 * knot.velocity).norm(), 1e-10) << i << ' ' << side;
         EXPECT_LT((state.velocity - knot.velocity - side * 1e-6 * knot.acceleration).norm(), 1e-6) << i << ' ' << side;
         EXPECT_LT((state.acceleration - knot.acceleration).norm(), 2e-6 * (1.0 + state.jerk.norm()))
@@ -213,10 +212,10 @@ TEST(TrajectoryTest, IsTwiceContinuouslyDifferentiableAtTheKnots) {
   }
 }
 
-std::vector<std::int64_t> knot_times(const Trajectory& trajectory) {
-  std::vector<std::int64_t> times;
+std::vector<Utime> knot_times(const Trajectory& trajectory) {
+  std::vector<Utime> times;
   for (int i = 0; i <= trajectory.num_pieces(); ++i) {
-    times.push_back(trajectory.start_utime() + std::int64_t{i} * trajectory.piece_us());
+    times.push_back(trajectory.start_utime() + i * trajectory.piece());
   }
   return times;
 }
@@ -227,21 +226,22 @@ TEST(MotionTest, NextKnotAfterListsExactlyTheKnotsInForce) {
   for (int trial = 0; trial < 200; ++trial) {
     const Motion motion = random_motion(rng, kStart, 3);
     SCOPED_TRACE(testing::Message() << "trial " << trial << ", " << motion);
-    std::vector<std::int64_t> knots = knot_times(motion.committed);
+    std::vector<Utime> knots = knot_times(motion.committed);
     if (!motion.next.empty()) {
-      const std::int64_t leave = motion.next.start_utime();
-      std::erase_if(knots, [&](std::int64_t t) { return t >= leave; });
-      for (std::int64_t t : knot_times(motion.next)) knots.push_back(t);
+      const Utime leave = motion.next.start_utime();
+      std::erase_if(knots, [&](Utime t) { return t >= leave; });
+      for (const Utime t : knot_times(motion.next)) knots.push_back(t);
     }
     knots.push_back(kNever);
     EXPECT_EQ(motion.end_utime(), *(knots.rbegin() + 1));
-    std::vector<std::int64_t> queries;
-    for (std::int64_t t : knots) {
-      if (t != kNever) queries.insert(queries.end(), {t - 1, t, t + 1});
+    std::vector<Utime> queries;
+    for (const Utime t : knots) {
+      if (t != kNever) queries.insert(queries.end(), {t - 1us, t, t + 1us});
     }
-    for (int i = 0; i < 50; ++i) queries.push_back(kStart + uniform_int(rng, -500'000, 9'000'000));
-    for (std::int64_t t : queries) {
-      ASSERT_EQ(motion.next_knot_after(t), *std::upper_bound(knots.begin(), knots.end() - 1, t)) << t - kStart;
+    for (int i = 0; i < 50; ++i) queries.push_back(kStart + uniform_duration(rng, -500ms, 9s));
+    for (const Utime t : queries) {
+      ASSERT_EQ(motion.next_knot_after(t), *std::upper_bound(knots.begin(), knots.end() - 1, t))
+          << (t - kStart).count();
     }
   }
 }
@@ -251,12 +251,13 @@ TEST(MotionTest, SwitchesToNextExactlyAtItsStart) {
   for (int trial = 0; trial < 100; ++trial) {
     Motion motion;
     motion.committed = random_trajectory(rng, 1, kStart, random_state(rng, 3, 1, 3), 3);
-    const std::int64_t leave = kStart + uniform_int(rng, 0, 3'000'000);
+    const Utime leave = kStart + uniform_duration(rng, 0us, 3s);
     motion.next = random_trajectory(rng, 2, leave, random_state(rng, 3, 1, 3), 3);  // elsewhere, to tell them apart
     for (int i = 0; i < 50; ++i) {
-      const std::int64_t t = i < 3 ? leave - 1 + i : kStart + uniform_int(rng, -100'000, 5'000'000);
+      const Utime t = i < 3 ? leave + (i - 1) * 1us : kStart + uniform_duration(rng, -100ms, 5s);
       const Trajectory& in_force = t >= leave ? motion.next : motion.committed;
-      ASSERT_EQ(motion.at(t).position, in_force.at(t).position) << t - leave << " us after the switch\n" << motion;
+      ASSERT_EQ(motion.at(t).position, in_force.at(t).position) << (t - leave).count() << " us after the switch\n"
+                                                                << motion;
     }
   }
 }
@@ -266,20 +267,18 @@ TEST(MotionTest, ControlPointsBetweenReproduceTheMotion) {
   for (int trial = 0; trial < 200; ++trial) {
     const Motion motion = random_motion(rng, kStart, 3);
     SCOPED_TRACE(testing::Message() << "trial " << trial << ", " << motion);
-    const std::int64_t end = motion.end_utime() + 300'000;
-    for (std::int64_t from = kStart; from < end;) {
-      const std::int64_t knot = std::min(motion.next_knot_after(from), end);
-      const std::int64_t to =
-          uniform_int(rng, 0, 2) == 0 ? knot : from + 1 + (knot - from) * uniform_int(rng, 1, 9) / 10;
-      const std::int64_t stop = std::min(to, knot);
+    const Utime end = motion.end_utime() + 300ms;
+    for (Utime from = kStart; from < end;) {
+      const Utime knot = std::min(motion.next_knot_after(from), end);
+      const Utime to = uniform_int(rng, 0, 2) == 0 ? knot : from + 1us + (knot - from) * uniform_int(rng, 1, 9) / 10;
+      const Utime stop = std::min(to, knot);
       const ControlPoints points = control_points_between(motion, from, stop);
       for (int i = 0; i < 8; ++i) {
-        const std::int64_t t = from + (stop - from) * i / 8;  // not the right end: there `next` may begin
-        const double s = static_cast<double>(t - from) / static_cast<double>(stop - from);
-        ASSERT_LT((evaluate_bezier(points, 1e-6 * static_cast<double>(stop - from), s).position - motion.at(t).position)
-                      .norm(),
-                  1e-9)
-            << "at " << t - kStart << " in [" << from - kStart << ", " << stop - kStart << "]";
+        const Utime t = from + (stop - from) * i / 8;  // not the right end: there `next` may begin
+        const double s = to_seconds(t - from) / to_seconds(stop - from);
+        ASSERT_LT((evaluate_bezier(points, to_seconds(stop - from), s).position - motion.at(t).position).norm(), 1e-9)
+            << "at " << (t - kStart).count() << " in [" << (from - kStart).count() << ", " << (stop - kStart).count()
+            << "]";
       }
       ASSERT_LT((points.col(5) - motion.at(stop).position).norm(), 1e-6);  // float knots
       from = stop;
@@ -309,10 +308,10 @@ TEST(MotionTest, ControlPointsUpToTheSwitchBelongToCommitted) {
   for (int trial = 0; trial < 50; ++trial) {
     Motion motion;
     motion.committed = random_trajectory(rng, 1, kStart, random_state(rng, 3, 1, 3), 3);
-    const std::int64_t leave = kStart + uniform_int(rng, 1, 99'999);  // in the first piece
+    const Utime leave = kStart + uniform_duration(rng, 1us, 99'999us);  // in the first piece
     motion.next = random_trajectory(rng, 2, leave, random_state(rng, 3, 1, 3), 3);
     const ControlPoints before = control_points_between(motion, kStart, leave);
-    const ControlPoints after = control_points_between(motion, leave, leave + 1000);
+    const ControlPoints after = control_points_between(motion, leave, leave + 1ms);
     EXPECT_EQ(before.col(5), motion.committed.at(leave).position) << motion;
     EXPECT_EQ(after.col(0), motion.next.knot(0).position) << motion;
   }
