@@ -71,22 +71,22 @@ class ProgressLine {
   double next_s_ = 0.0;
 };
 
-volatile std::sig_atomic_t interrupted = 0;
+volatile std::sig_atomic_t stopped = 0;
 
 RunReport fly(const RunOptions& run, const FlightOptions& flight, const World& world, const OccupiedCubes* static_map,
               BusLog* logs, TraceWriter* trace) {
   ProgressLine line;
   const auto progress = [&](double t_s, const Simulation& simulation) {
     line.show(t_s, simulation.judge());
-    return interrupted == 0;
+    return stopped == 0;
   };
   RunReport report;
   if (run.mode == "processes") {
     report = run_processes(world, static_map, flight, run.processes, logs, trace, progress);
   } else {
-    std::signal(SIGINT, [](int) { interrupted = 1; });
+    std::signal(SIGINT, [](int) { stopped = 1; });
     report = run_lockstep(world, static_map, flight, LockstepDelays(), logs, trace, progress);
-    if (interrupted != 0) throw Interrupted();
+    if (stopped != 0) throw Interrupted();
   }
   line.done();
   report.options = option_values(run.flight);

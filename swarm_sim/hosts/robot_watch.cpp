@@ -6,7 +6,7 @@
 namespace swarm {
 namespace {
 
-constexpr Duration kPeriod = 1s;  // nothing is due by itself
+constexpr Duration kIdlePeriod = 1s;  // nothing is due by itself
 
 // False: it is no such message of this robot.
 template <class Message>
@@ -41,7 +41,7 @@ void RobotWatch::on_message(Utime now, BusId bus, std::string_view channel, std:
 }
 
 Utime RobotWatch::step(Utime now, Outbox&) {
-  return now + kPeriod;
+  return now + kIdlePeriod;
 }
 
 void RobotWatch::note_plan(std::span<const std::uint8_t> bytes) {

@@ -13,7 +13,7 @@ namespace {
 using nlohmann::ordered_json;
 
 constexpr double kFar_m = 1e4, kLarge_m = 1e3, kFast_mps = 100.0, kLate_s = 1e6;
-constexpr std::size_t kMaxObstacles = 4096, kMaxName = 100, kMaxPath = 4096;
+constexpr std::size_t kMaxWorldObstacles = 4096, kMaxName = 100, kMaxPath = 4096;
 constexpr auto kPositive = JsonValue::Low::kExcluded;
 
 template <class Box>
@@ -123,7 +123,7 @@ World read_values(const JsonValue& value, const std::filesystem::path& directory
   }
   const JsonValue robots = value.at("robots"), obstacles = value.at("obstacles");
   for (const JsonValue& item : robots.items()) world.robots.push_back(read_robot(item));
-  if (obstacles.items().size() > kMaxObstacles) obstacles.fail("an array of at most 4096 obstacles");
+  if (obstacles.items().size() > kMaxWorldObstacles) obstacles.fail("an array of at most 4096 obstacles");
   for (const JsonValue& item : obstacles.items()) world.obstacles.push_back(read_obstacle(item));
   return world;
 }
@@ -177,8 +177,8 @@ std::string lines(const std::vector<Item>& items) {
 }  // namespace
 
 World parse_world(const std::string& text, const std::string& source, const std::filesystem::path& directory) try {
-  const nlohmann::json json = parse_json(text);
-  World world = read_values(JsonValue(json), directory);
+  const nlohmann::json document = parse_json(text);
+  World world = read_values(JsonValue(document), directory);
   check_world(world);
   return world;
 } catch (const WorldError& error) {

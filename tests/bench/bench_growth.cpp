@@ -20,7 +20,7 @@ namespace {
 using Eigen::Vector3d;
 
 constexpr Duration kFrame = 100ms;
-constexpr int kRequests = 40, kRounds = 5;
+constexpr int kRequests = 40, kRepeats = 5;
 const Vector3d kWindow_m(10, 10, 4);
 
 struct Work {
@@ -65,7 +65,7 @@ TimingStats time_plans(const Work& work) {
     while (static_cast<int>(peers.size()) < work.peers)
       peers.push_back({random_motion(rng, kStart - 500ms, 5.0), Trajectory(), 0.2});
     const PlanRequest request = request_among(sogm, peers, rng);
-    for (int round = 0; round < kRounds; ++round) {
+    for (int round = 0; round < kRepeats; ++round) {
       const auto begun = stopwatch();
       (void)planner.plan(request);
       const auto taken = stopwatch() - begun;

@@ -13,12 +13,6 @@
 namespace swarm::test {
 namespace {
 
-std::string replaced(std::string text, const std::string& from, const std::string& to) {
-  const std::size_t at = text.find(from);
-  EXPECT_NE(at, text.npos) << from;
-  return at == text.npos ? text : text.replace(at, from.size(), to);
-}
-
 class CheckMachine : public testing::Test {
  protected:
   CheckMachine() {

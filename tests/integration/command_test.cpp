@@ -45,12 +45,6 @@ void expect_complaint(const Words& words, const std::vector<std::string>& texts)
   }
 }
 
-std::string replaced(std::string text, const std::string& from, const std::string& to) {
-  const std::size_t at = text.find(from);
-  EXPECT_NE(at, text.npos) << from;
-  return at == text.npos ? text : text.replace(at, from.size(), to);
-}
-
 TEST(RunCommand, BadWorldsAreRefusedByFileKeyAndRule) {
   TemporaryDirectory directory;
   write_text(directory / "text.bt", "this is no OctoMap\n");

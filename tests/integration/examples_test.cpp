@@ -7,8 +7,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr double kPatience = kSanitized ? 10.0 : 1.0;
-
 class Examples : public testing::TestWithParam<const char*> {
  protected:
   std::vector<std::string> example(const std::string& name, std::vector<std::string> arguments) {

@@ -12,8 +12,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr double kPatience = kSanitized ? 10.0 : 1.0;  // how much longer everything may take
-
 // Two robots that swap places among three columns.
 class Processes : public testing::Test {
  protected:

@@ -15,8 +15,6 @@ namespace {
 
 using boost::beast::http::verb;
 
-constexpr double kPatience = kSanitized ? 5.0 : 1.0;
-
 // Files in place of three.js, for whoever only wants the stream.
 class View {
  public:

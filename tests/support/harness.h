@@ -37,6 +37,7 @@ inline constexpr bool kSanitized = true;  // slow: no promises about time
 #else
 inline constexpr bool kSanitized = false;
 #endif
+inline constexpr double kPatience = kSanitized ? 10.0 : 1.0;  // how much longer what programs do may take
 
 using Bytes = std::vector<std::uint8_t>;
 
@@ -163,6 +164,12 @@ inline std::string read_text(const std::filesystem::path& path) {
   std::ifstream in(path, std::ios::binary);
   EXPECT_TRUE(in) << path;
   return {std::istreambuf_iterator<char>(in), {}};
+}
+// With `to` instead of `from`, which is there.
+inline std::string replaced(std::string text, const std::string& from, const std::string& to) {
+  const std::size_t at = text.find(from);
+  EXPECT_NE(at, text.npos) << from;
+  return at == text.npos ? text : text.replace(at, from.size(), to);
 }
 inline std::filesystem::path write_text(const std::filesystem::path& path, std::string_view text) {
   std::ofstream(path, std::ios::binary) << text;

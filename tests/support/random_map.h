@@ -29,12 +29,15 @@ inline void set_voxel(Sogm* sogm, int frame, const Eigen::Vector3i& voxel) {
 inline void mark_box(Sogm* sogm, const Eigen::Vector3d& low, const Eigen::Vector3d& high, int first = 0,
                      int last = 1 << 20) {
   const GridGeometry& grid = sogm->geometry;
-  for (int x = 0; x < grid.size.x(); ++x) {
-    for (int y = 0; y < grid.size.y(); ++y) {
-      for (int z = 0; z < grid.size.z(); ++z) {
-        const Eigen::Vector3d center = grid.center_of({x, y, z});
-        if ((center.array() < low.array()).any() || (center.array() > high.array()).any()) continue;
-        for (int i = first; i <= std::min(last, sogm->num_frames - 1); ++i) set_voxel(sogm, i, {x, y, z});
+  Eigen::Vector3i from = Eigen::Vector3i::Zero(), to = grid.size - Eigen::Vector3i::Ones();
+  for (int axis = 0; axis < 3; ++axis) {
+    while (from[axis] <= to[axis] && grid.center_of(from)[axis] < low[axis]) ++from[axis];
+    while (from[axis] <= to[axis] && grid.center_of(to)[axis] > high[axis]) --to[axis];
+  }
+  for (int i = first; i <= std::min(last, sogm->num_frames - 1); ++i) {
+    for (int x = from.x(); x <= to.x(); ++x) {
+      for (int y = from.y(); y <= to.y(); ++y) {
+        for (int z = from.z(); z <= to.z(); ++z) set_voxel(sogm, i, {x, y, z});
       }
     }
   }

@@ -7,9 +7,9 @@
 namespace swarm {
 namespace {
 
-constexpr Duration kSilence = 1s;
+constexpr Duration kMocapSilence = 1s;
 constexpr Duration kRefusalPeriod = 1s;
-constexpr Duration kSummaryPeriod = 10s;
+constexpr Duration kMocapSummaryPeriod = 10s;
 
 std::string summary(const MocapReport& report) {
   return fmt::format(
@@ -24,7 +24,7 @@ std::string summary(const MocapReport& report) {
 
 std::vector<LogLine> MocapLog::update(Utime now, const MocapReport& report) {
   std::vector<LogLine> lines;
-  const bool heard = report.heard_utime && std::chrono::abs(now - *report.heard_utime) < kSilence;
+  const bool heard = report.heard_utime && std::chrono::abs(now - *report.heard_utime) < kMocapSilence;
   if (heard && !heard_) add_line(&lines, false, "motion capture is heard");
   if (!heard && heard_) add_line(&lines, true, "motion capture is silent");
   heard_ = heard;
@@ -37,7 +37,7 @@ std::vector<LogLine> MocapLog::update(Utime now, const MocapReport& report) {
     refusal_.done(now);
   }
   if (!summary_) summary_.emplace().done(now);
-  if (now >= summary_->due(now, kSummaryPeriod)) {
+  if (now >= summary_->due(now, kMocapSummaryPeriod)) {
     add_line(&lines, false, summary(report));
     summary_->done(now);
   }

@@ -51,7 +51,7 @@ class PlainSpaceTimeHeuristic {
       const int frame = occupied.frame_at(kStart + to_duration((step + 0.5) * step_s));
       values[later - 1] = table([&](const Vector3i& cell) {
         if (cell == goal_cell) return step * kTicks;  // an occupied goal is still where to go
-        bool open = distance_to_occupied(occupied, frame, middle(cell), 1.0) > kBlocked_m + 1e-6;
+        bool open = distance_to_occupied(occupied, frame, middle(cell), kBlocked_m + 0.01) > kBlocked_m + 1e-6;
         const double bottom = corner.z() + cell.z() * cell_m;
         open = open && bottom + cell_m > low_z && bottom < high_z;
         int least = kFar;

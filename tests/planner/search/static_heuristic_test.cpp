@@ -15,7 +15,7 @@ namespace {
 using Eigen::Vector3d;
 using Eigen::Vector3i;
 
-constexpr double kBlocked_m = 0.25;
+constexpr double kClearance_m = 0.25;
 
 // Least steps from every open cell: to the goal's cell, or to a cell at the window's rim (or top or bottom) and
 // straight on from there.
@@ -30,7 +30,7 @@ class PlainStaticHeuristic {
     std::multimap<int, Vector3i> seeds;
     for_each([&](const Vector3i& cell) {
       const Vector3d middle = corner + cell_m * (cell.cast<double>().array() + 0.5).matrix();
-      bool open = distance_to_occupied(standing, 0, middle, 1.0) > kBlocked_m + 1e-6;
+      bool open = distance_to_occupied(standing, 0, middle, 1.0) > kClearance_m + 1e-6;
       const double bottom = corner.z() + cell.z() * cell_m;
       open = open && bottom + cell_m > low_z && bottom < high_z;
       if (cell == goal_cell) open = true;
@@ -94,7 +94,7 @@ TEST(StaticHeuristicTest, EqualsAPlainBreadthFirstSearch) {
     if (trial % 2 == 0) mark_box(&standing, {0, -9, -9}, {0.3, uniform(rng, 0, 1), 99}, 0, 0);
     const Vector3d goal = trial % 5 == 0 ? in_box(rng, -4 * half, 4 * half) : in_box(rng, -half, half);
     const double low_z = uniform(rng, -2, -0.5), high_z = uniform(rng, 0.4, 9);
-    static_heuristic.build({&standing}, kBlocked_m, goal, low_z, high_z);
+    static_heuristic.build({&standing}, kClearance_m, goal, low_z, high_z);
     PlainStaticHeuristic plain(standing, goal, low_z, high_z);
     const Vector3d corner = standing.geometry.origin.cast<double>() * 0.1;
     plain.for_each([&](const Vector3i& cell) {
@@ -123,7 +123,7 @@ TEST(StaticHeuristicTest, KnowsNothingOutsideItsWindow) {
   StaticHeuristic static_heuristic;
   Sogm standing = empty_map({3, 3, 3}, 0.1, 1, Utime(), 100ms);
   mark_box(&standing, {-0.3, -0.3, -0.3}, {0.3, 0.3, 0.3});
-  static_heuristic.build({&standing}, kBlocked_m, Vector3d(1.2, 0, 0), -1.5, 1.5);
+  static_heuristic.build({&standing}, kClearance_m, Vector3d(1.2, 0, 0), -1.5, 1.5);
   const auto steps = [&](const Vector3d& corner, int x, int y) {
     std::vector<std::int16_t> out(34, 7);
     static_heuristic.steps(corner, x, y - 1, 3, 10, 12, out.data());  // the column between two others
@@ -146,11 +146,11 @@ TEST(StaticHeuristicTest, KnowsNothingOutsideItsWindow) {
 TEST(StaticHeuristicTest, SaysNothingWhereNothingStands) {
   StaticHeuristic static_heuristic;
   const Sogm standing = empty_map({2, 2, 2}, 0.1, 1, Utime(), 100ms);
-  static_heuristic.build({&standing}, kBlocked_m, Vector3d::Zero(), -1, 1);
+  static_heuristic.build({&standing}, kClearance_m, Vector3d::Zero(), -1, 1);
   EXPECT_TRUE(static_heuristic.empty());
   Sogm small = empty_map({0.1, 2, 2}, 0.1, 1, Utime(), 100ms);  // less than half a cell
   mark_box(&small, {-1, -1, -1}, {1, 1, 1});
-  static_heuristic.build({&small}, kBlocked_m, Vector3d::Zero(), -1, 1);
+  static_heuristic.build({&small}, kClearance_m, Vector3d::Zero(), -1, 1);
   EXPECT_TRUE(static_heuristic.empty());
 }
 
