@@ -172,8 +172,9 @@ Refusal MapNode::on_obstacles(Utime now, std::span<const std::uint8_t> bytes) {
 Refusal MapNode::on_voxels(Utime now, std::span<const std::uint8_t> bytes) {
   sogm_swarm::obstacle_voxels_t message;
   const auto from = [this](const sogm_swarm::obstacle_voxels_t& m) {
-    if (voxel_obstacles_.size() >= kMaxVoxelObstacles && !voxel_obstacles_.contains(m.id)) return Refusal::kLength;
-    return FromRobot{config_.robot_id}(m);
+    if (const Refusal refusal = FromRobot{config_.robot_id}(m); refusal != Refusal::kNone) return refusal;
+    const bool has_room = voxel_obstacles_.size() < kMaxVoxelObstacles || voxel_obstacles_.contains(m.id);
+    return has_room ? Refusal::kNone : Refusal::kLength;
   };
   if (const Refusal refusal = receive(bytes, from, window(now), voxel_gate_, &message); refusal != Refusal::kNone)
     return refusal;
@@ -189,6 +190,18 @@ bool MapNode::fresh(Utime utime, double timeout_s, Utime now) const {
 std::int16_t MapNode::state(Utime now) const {
   if (!has_state_) return map_status_t::kNoState;
   return fresh(state_utime_, config_.state_timeout_s, now) ? map_status_t::kRunning : map_status_t::kStaleState;
+}
+
+// All was where it was when it was; by which clock that is told anew.
+bool MapNode::on_clock_step(Utime, Duration step) {
+  state_utime_ += step;
+  obstacles_utime_ += step;
+  for (Obstacle& obstacle : obstacles_) obstacle.utime += step;
+  for (auto& [id, entry] : voxel_obstacles_) {
+    entry.obstacle.utime += step;
+    entry.reported_utime += step;
+  }
+  return true;
 }
 
 Utime MapNode::step(Utime now, Outbox& outbox) {

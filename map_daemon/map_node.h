@@ -46,17 +46,16 @@ void verify(const MapConfig& config);
 
 class MapNode : public Node {
  public:
-  // `boot`: grows at every start. `stopwatch` null: durations are 0; they are
-  // published only with `publish_durations`. Throws what verify() and StaticMap
-  // throw.
+  // `boot`: grows at every start. `stopwatch` null: durations are 0; they are published only with `publish_durations`.
+  // Throws what verify() and StaticMap throw.
   MapNode(const MapConfig& config, std::int32_t boot, Stopwatch stopwatch = nullptr, bool publish_durations = true);
 
   std::vector<Subscription> subscriptions() const override;
   void on_message(Utime now, BusId bus, std::string_view channel, std::span<const std::uint8_t> bytes,
                   Outbox& outbox) override;
   Utime step(Utime now, Outbox& outbox) override;
+  bool on_clock_step(Utime now, Duration step) override;
 
-  const Sogm& newest_map() const { return sogm_; }
   double build_ms() const { return build_ms_; }  // of the newest map, encoding included
   int maps() const { return maps_; }             // published since start
   const RefusalCounts& refused() const { return refused_; }
@@ -70,7 +69,7 @@ class MapNode : public Node {
   Refusal on_state(Utime now, std::span<const std::uint8_t> bytes);
   Refusal on_obstacles(Utime now, std::span<const std::uint8_t> bytes);
   Refusal on_voxels(Utime now, std::span<const std::uint8_t> bytes);
-  // When inputs must be of to be taken.
+  // How old inputs may be, and how far ahead.
   TimeWindow window(Utime now) const;
   // Whether what was said at `utime` still counts; after the clock was set back, it may lie in the future.
   bool fresh(Utime utime, double timeout_s, Utime now) const;

@@ -136,18 +136,6 @@ std::int64_t map_bytes(const GridGeometry& geometry, int num_frames) {
   return std::int64_t{8} * num_frames * geometry.words_per_frame();
 }
 
-const char* to_string(AssemblyStatus status) {
-  switch (status) {
-    case AssemblyStatus::kIncomplete:
-      return "incomplete";
-    case AssemblyStatus::kComplete:
-      return "complete";
-    case AssemblyStatus::kRefused:
-      return "refused";
-  }
-  return "unknown";
-}
-
 SogmEncoder::SogmEncoder() : memory_(std::make_unique<ChangeMemory>()) {}
 SogmEncoder::~SogmEncoder() = default;
 

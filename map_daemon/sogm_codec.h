@@ -47,7 +47,6 @@ enum class AssemblyStatus : std::uint8_t {
   kComplete,    // the map is there
   kRefused,     // see the refusal
 };
-const char* to_string(AssemblyStatus status);
 
 struct Assembly {
   AssemblyStatus status;

@@ -1,7 +1,6 @@
 #include "planner_daemon/planner.h"
 
 #include <algorithm>
-#include <stdexcept>
 
 namespace swarm {
 namespace {
@@ -270,6 +269,7 @@ void Planner::choose() {
     result_.fly = own.violation_cost + graze >= planned->violation_cost && !is_nearer;
   }
   result_.trajectory = planned->trajectory;
+  if (planned->kind == Candidate::Kind::kEscape) result_.corridors.clear();  // they are of the searched path
   result_.outcome = planned->kind == Candidate::Kind::kSmooth ? PlanOutcome::kSmooth
                     : planned->kind == Candidate::Kind::kRaw  ? PlanOutcome::kRaw
                                                               : PlanOutcome::kUnsafe;

@@ -1,4 +1,5 @@
 #include "lcmtypes/bus/boot.h"
+#include "lcmtypes/bus/node_clock.h"
 #include "lcmtypes/bus/realtime_host.h"
 #include "planner_daemon/planner_node.h"
 

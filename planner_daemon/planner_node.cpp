@@ -15,11 +15,9 @@ using sogm_swarm::planner_status_t;
 
 constexpr Duration kMaxAge = 1s;
 constexpr Duration kStatusPeriod = 1s;
-constexpr Duration kSilent = 500ms;     // a peer that was not heard for so long may have to step aside unseen
-constexpr Duration kUrgent = 1s;        // before an obstacle comes, a plan must begin to get out of its way
-constexpr Duration kMaxAhead = 2s;      // no plan of ours begins later
-constexpr Duration kGetAway = 600ms;    // and can begin at the latest
-constexpr Duration kLastMoment = 10ms;  // so long before it begins, the broadcaster commits what is urgent
+constexpr Duration kSilent = 500ms;   // a peer that was not heard for so long may have to step aside unseen
+constexpr Duration kUrgent = 1s;      // before an obstacle comes, a plan must begin to get out of its way
+constexpr Duration kGetAway = 600ms;  // and can begin at the latest
 constexpr double kApart_m = 0.5, kArrived_m = 0.1;
 
 }  // namespace
@@ -55,7 +53,7 @@ void declare(OptionSet& options, PlannerNodeConfig& config) {
   options.add("corridor-extent", &planner.corridor.extent_m, 0.1, 10, "m",
               "how far a corridor extends beyond its piece");
   options.add(
-      "lead", &config.lead_s, 0.005, 2, "s",
+      "lead", &config.lead_s, 0.005, to_seconds(kMaxAhead) - CommitDelay::kLongest_s, "s",
       "from the start of planning to the announcement; the plan begins later still by what the peers' answers take");
   options.add("period", &config.period_s, 0, 10, "s", "least time between plans; every newer map is planned with");
   options.add("stale-map", &config.stale_map_s, 0.05, 10, "s", "an older map is not planned with");
@@ -74,8 +72,13 @@ void verify(const PlannerNodeConfig& config) {
   }
   if (config.planner.space.emergency_clearance_m > config.planner.space.clearance_m)
     throw OptionError("--emergency-clearance: must be at most --clearance");
+  if (const Duration horizon = config.planner.search.num_pieces * config.planner.search.piece;
+      horizon > kMaxMotion - kMaxAhead) {
+    throw OptionError("--pieces, --piece-us: " + std::to_string(to_seconds(horizon)) + " s in all; must be at most " +
+                      std::to_string(to_seconds(kMaxMotion - kMaxAhead)) + " s");
+  }
   try {
-    KinodynamicSearch probe(limits, config.planner.search);
+    [[maybe_unused]] const Primitives probe(limits, config.planner.search);
   } catch (const std::invalid_argument& error) {
     throw OptionError(std::string("--pieces, --piece-us: ") + error.what());
   }
@@ -187,6 +190,9 @@ bool PlannerNode::on_clock_step(Utime, Duration step) {
     for (Trajectory* known : {&motion.committed, &motion.next, &pending}) known->shift(step);
   };
   if (own_) shift(*own_, pending_);
+  pending_stamp_ += step;
+  if (urgent_start_) *urgent_start_ += step;
+  map_.start_utime += step;
   for (Peer& peer : peer_list_) shift(peer.motion, peer.pending);
   for (auto& [id, entry] : peers_) entry.heard += step;
   return true;

@@ -53,7 +53,7 @@ class PlannerNode : public Node {
   Refusal on_own(std::span<const std::uint8_t> bytes);
   Refusal on_peer(Utime now, std::span<const std::uint8_t> bytes);
   Refusal on_goal(std::span<const std::uint8_t> bytes);
-  TimeWindow window(Utime now) const;  // when maps and peers' announcements must be of to be taken
+  TimeWindow window(Utime now) const;  // how old maps and announcements may be, and how far ahead
   // When an obstacle comes within the clearance of what the robot is bound to; kNever: not until then.
   Utime touch_utime(Utime now, Utime until) const;
   Utime start_utime(Utime now);  // of the next plan

@@ -8,9 +8,7 @@
 #include <csignal>
 #include <cstdio>
 #include <iostream>
-#include <limits>
 #include <set>
-#include <sstream>
 #include <thread>
 
 #include "lcmtypes/bus/atomic_file.h"

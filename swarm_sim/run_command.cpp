@@ -7,11 +7,9 @@
 #include <exception>
 #include <filesystem>
 #include <iostream>
-#include <memory>
 #include <optional>
 
 #include "lcmtypes/bus/atomic_file.h"
-#include "lcmtypes/bus/text.h"
 #include "swarm_sim/campaign/flight_arguments.h"
 #include "swarm_sim/hosts/lockstep.h"
 #include "swarm_sim/hosts/processes.h"
@@ -84,7 +82,7 @@ RunReport fly(const RunOptions& run, const FlightOptions& flight, const World& w
   if (run.mode == "processes") {
     report = run_processes(world, static_map, flight, run.processes, logs, trace, progress);
   } else {
-    std::signal(SIGINT, [](int) { stopped = 1; });
+    for (const int signal : {SIGINT, SIGTERM}) std::signal(signal, [](int) { stopped = 1; });
     report = run_lockstep(world, static_map, flight, LockstepDelays(), logs, trace, progress);
     if (stopped != 0) throw Interrupted();
   }
@@ -130,7 +128,7 @@ int run_command(int argc, const char* const* argv) try {
   std::cout << summary_table(report) << std::flush;
   return report.outcome == Outcome::kSuccess && report.commit_conflicts == 0 ? 0 : 1;
 } catch (const Interrupted&) {
-  std::cerr << "\nswarm_sim run: interrupted; nothing was written\n";
+  std::cerr << "\nswarm_sim run: interrupted; no results were written\n";
   return 130;
 } catch (const std::exception& error) {
   std::cerr << "swarm_sim run: " << error.what() << '\n';

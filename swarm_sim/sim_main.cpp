@@ -15,7 +15,7 @@ constexpr const char* kUsage =
     "  swarm_sim run WORLD [options]         flies a world, in lock-step or with real daemons over real multicast\n"
     "  swarm_sim campaign [options] --out R  flies many seeded worlds in lock-step, a CSV row a trial\n"
     "  swarm_sim merge R... -o FILE          joins the results of a campaign's shards\n"
-    "  swarm_sim audit LOG...                looks for committed trajectories that meet\n"
+    "  swarm_sim audit LOG                   looks for committed trajectories that meet\n"
     "Each subcommand explains itself with --help; --version prints the version. Exit codes: 0 success, 1 flown but not "
     "successful, 2 bad input.\n";
 

@@ -12,4 +12,8 @@ namespace swarm {
 // get the same.
 std::int32_t new_boot();
 
+// Of what other computers hear, for whoever keeps no number of its own: the seconds of the wall clock. It waits for the
+// next one to begin, at most 1 s. A wall clock that is set back makes it fall.
+std::int32_t new_boot_by_wall_clock();
+
 }  // namespace swarm

@@ -7,6 +7,7 @@
 #include <string>
 #include <type_traits>
 
+#include "lcmtypes/bus/big_endian.h"
 #include "lcmtypes/bus/crc32.h"
 #include "lcmtypes/bus/validate.h"
 
@@ -19,12 +20,6 @@ using namespace sogm_swarm;
 
 constexpr std::size_t kCrcOffset = 8;
 constexpr std::size_t kSealedOffset = kCrcOffset + 4;  // the CRC covers what starts here
-
-std::uint64_t read_big_endian(std::span<const std::uint8_t> bytes) {
-  std::uint64_t value = 0;
-  for (const std::uint8_t byte : bytes) value = value << 8 | byte;
-  return value;
-}
 
 template <class T>
 constexpr auto& kArray = MessageTraits<T>::kArray;

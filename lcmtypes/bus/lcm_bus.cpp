@@ -11,7 +11,6 @@
 #include <charconv>
 #include <cstring>
 #include <lcm/lcm-cpp.hpp>
-#include <optional>
 #include <set>
 #include <stdexcept>
 #include <utility>

@@ -5,18 +5,15 @@
 #include <span>
 #include <stdexcept>
 
+#include "lcmtypes/bus/big_endian.h"
+#include "lcmtypes/bus/limits.h"
+
 namespace swarm {
 namespace {
 
 // An event: this word, its number (8 bytes), time (8), lengths of channel and data (4 each), channel, data; big-endian.
 constexpr std::uint32_t kSync = 0xEDA1DA01;
 constexpr std::size_t kHeader = 28, kMaxChannel = 63;
-
-std::uint64_t number(std::span<const std::uint8_t> bytes) {
-  std::uint64_t value = 0;
-  for (const std::uint8_t byte : bytes) value = value << 8 | byte;
-  return value;
-}
 
 }  // namespace
 
@@ -53,12 +50,14 @@ bool LcmLog::read(LogEvent* event) {
   std::array<std::uint8_t, kHeader> header;
   if (!file_.read(reinterpret_cast<char*>(header.data()), header.size())) return false;
   const std::span<const std::uint8_t> fields(header);
-  const std::uint64_t channel = number(fields.subspan(20, 4)), data = number(fields.subspan(24, 4));
-  if (number(fields.first(4)) != kSync || channel < 1 || channel > kMaxChannel || data > kMaxBytes ||
+  const std::uint64_t channel = read_big_endian(fields.subspan(20, 4)), data = read_big_endian(fields.subspan(24, 4));
+  if (read_big_endian(fields.first(4)) != kSync || channel < 1 || channel > kMaxChannel || data > kMaxBytes ||
       from + static_cast<std::int64_t>(kHeader + channel + data) > size_)
     return false;
   event->offset = from;
-  event->utime = to_utime(static_cast<std::int64_t>(number(fields.subspan(12, 8))));
+  const std::uint64_t utime_us = read_big_endian(fields.subspan(12, 8));
+  if (utime_us > static_cast<std::uint64_t>(to_us(kMaxUtime))) return false;  // nobody can reckon with it
+  event->utime = to_utime(static_cast<std::int64_t>(utime_us));
   event->channel.resize(channel);
   event->bytes.resize(data);
   file_.read(event->channel.data(), static_cast<std::streamsize>(channel));
@@ -72,7 +71,7 @@ bool LcmLog::read(LogEvent* event) {
   const bool ends = !file_.read(reinterpret_cast<char*>(word.data()), word.size());
   file_.clear();
   file_.seekg(end);
-  return ends || number(word) == kSync;
+  return ends || read_big_endian(word) == kSync;
 }
 
 }  // namespace swarm

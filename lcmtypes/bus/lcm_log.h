@@ -12,7 +12,7 @@
 namespace swarm {
 
 struct LogEvent {
-  Utime utime{};  // when it was recorded
+  Utime utime{};  // when it was recorded, up to kMaxUtime
   std::string channel;
   std::vector<std::uint8_t> bytes;
   std::int64_t offset = 0;  // in the file, where it begins

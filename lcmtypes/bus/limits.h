@@ -36,6 +36,10 @@ inline constexpr double kMaxVelocity_mps = 100.0;
 inline constexpr double kMaxAcceleration_mps2 = 1e3;
 inline constexpr Utime kMaxUtime = to_utime(std::int64_t{1} << 53);  // sums of times never overflow
 
+// Of what a robot proposes to fly, from then on.
+inline constexpr Duration kMaxAhead = 2s;    // it begins
+inline constexpr Duration kMaxMotion = 10s;  // it ends: so long may a robot fly by a clock that is wrong
+
 static_assert(kMaxParts * kMaxPartBytes <= kMaxCompressedMapBytes, "what parts can carry may be said");
 static_assert(kMaxVoxelsPerFrame / 8 <= kMaxMapBytes, "a frame fits a map");
 static_assert(sizeof(sogm_swarm::trajectory_t::knots) / sizeof(sogm_swarm::trajectory_t::knots[0]) ==

@@ -15,6 +15,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "lcmtypes/bus/big_endian.h"
 #include "lcmtypes/bus/lcm_bus.h"
 
 namespace swarm {
@@ -24,7 +25,8 @@ using std::chrono::steady_clock;
 
 // The longest sleep: a system clock that jumps is noticed within it.
 constexpr Duration kMaxSleep = 100ms;
-constexpr Duration kClockJump = 50ms;
+// A replayed message whose time is farther off than this is of another part of the log.
+constexpr Duration kReplayJump = 50ms;
 
 // Lets one warning per second pass.
 class RateLimit {
@@ -143,11 +145,10 @@ class RealtimeHost::Seat : public Outbox {
   void follow(std::span<const std::uint8_t> bytes) {
     constexpr std::size_t kUtimeAt = 28;
     if (bytes.size() < kUtimeAt + 8) return;
-    std::uint64_t utime = 0;
-    for (std::size_t i = 0; i < 8; ++i) utime = utime << 8 | bytes[kUtimeAt + i];
+    const std::uint64_t utime = read_big_endian(bytes.subspan(kUtimeAt, 8));
     if (utime > static_cast<std::uint64_t>(to_us(kMaxUtime))) return;
     const Duration offset = to_utime(static_cast<std::int64_t>(utime)) - config_.read().wall;
-    if (std::chrono::abs(offset - replay_offset_) > kClockJump) replay_offset_ = offset;
+    if (std::chrono::abs(offset - replay_offset_) > kReplayJump) replay_offset_ = offset;
   }
 
   // Tells the node of steps of the wall clock, and takes them when it agrees.

@@ -12,7 +12,7 @@
 
 namespace swarm {
 
-// When messages must be of to be taken.
+// How old messages may be, and how far ahead.
 struct TimeWindow {
   Utime now{};
   Duration max_age = kAnyTime, max_ahead = kAnyTime;  // at least 0, at most the defaults: any time will do

@@ -4,6 +4,7 @@
 #include <charconv>
 #include <cmath>
 #include <limits>
+#include <string_view>
 
 namespace swarm {
 namespace {
@@ -57,11 +58,19 @@ std::string aligned(const std::vector<std::vector<std::string>>& rows) {
   return text;
 }
 
+std::string quoted(const std::string& value) {
+  constexpr std::string_view kPlain = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_.,:/@+-=";
+  if (!value.empty() && value.find_first_not_of(kPlain) == value.npos) return value;
+  std::string text = "'";
+  for (const char c : value) text += c == '\'' ? std::string("'\\''") : std::string(1, c);
+  return text + "'";
+}
+
 std::string given_options(const NamedValues& values, const NamedValues& usual) {
   std::string line;
   for (std::size_t i = 0; i < values.size(); ++i) {
     const auto& [name, value] = values[i];
-    if (value != usual[i].second) line.append(" --").append(name).append(" ").append(value);
+    if (value != usual[i].second) line.append(" --").append(name).append(" ").append(quoted(value));
   }
   return line;
 }

@@ -16,6 +16,9 @@ void append_fixed(double value, int decimals, std::string* text);      // always
 bool read_amount(const std::string& text, double* amount);
 bool read_amount(const std::string& text, int* amount);
 
+// As one word of a shell's line: in quotes where it must be.
+std::string quoted(const std::string& value);
+
 // What stands between the separators: one part more than there are of them.
 std::vector<std::string> split(const std::string& text, char separator);
 

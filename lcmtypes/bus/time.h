@@ -13,14 +13,8 @@ using namespace std::chrono_literals;  // 20ms, 1s
 using Duration = std::chrono::microseconds;
 
 // Microseconds since the epoch, whoever's clock they are read from: node_clock.h says which there are.
-struct UtimeClock {
-  using duration = Duration;
-  using rep = duration::rep;
-  using period = duration::period;
-  using time_point = std::chrono::time_point<UtimeClock>;
-  static constexpr bool is_steady = false;
-};
-using Utime = UtimeClock::time_point;
+struct UtimeClock {};
+using Utime = std::chrono::time_point<UtimeClock, Duration>;
 inline constexpr Utime kNever = Utime::max();  // nothing may be added to it
 
 // From and to what messages, logs and files carry [us since epoch].

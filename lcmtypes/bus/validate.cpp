@@ -99,7 +99,7 @@ Refusal validate(const announcement_t& m) {
       m.radius > 0.0f && m.radius <= 10.0f && utime_ok(m.pending_stamp) &&
       within(m.pending_state, announcement_t::kNone, announcement_t::kCommitted) && m.forced_seq >= 0 &&
       (m.least_delay_us == announcement_t::kUnknown || within(m.least_delay_us, -kMaxDelay_us, kMaxDelay_us));
-  bool consistent = (m.pending.seq == 0) == (m.pending_state == announcement_t::kNone);
+  bool consistent = m.committed.seq > 0 && (m.pending.seq == 0) == (m.pending_state == announcement_t::kNone);
   for (const ack_t& ack : m.acks) {
     values_ok =
         values_ok && ack.peer_boot >= -1 && ack.judged_seq >= 0 && within(ack.verdict, ack_t::kNone, ack_t::kNack);
@@ -152,7 +152,8 @@ Refusal validate(const sogm_t& m) {
   if (!values_ok) return Refusal::kValue;
   const std::int64_t words = std::int64_t{m.num_frames} * m.size[0] * m.size[1] * ((m.size[2] + 63) / 64);
   const int others = m.num_parts - 1;  // each holds one byte at least and a full part at most
-  return verdict(true, 8 * words <= kMaxMapBytes && m.part < m.num_parts &&
+  const std::int64_t voxels = std::int64_t{m.size[0]} * m.size[1] * m.size[2];
+  return verdict(true, voxels <= kMaxVoxelsPerFrame && 8 * words <= kMaxMapBytes && m.part < m.num_parts &&
                            within(m.total_bytes - m.num_bytes, others, others * kMaxPartBytes));
 }
 

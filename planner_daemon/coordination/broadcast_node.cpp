@@ -15,9 +15,8 @@ namespace {
 using sogm_swarm::announcement_t;
 
 constexpr Duration kMaxAge = 1s;  // of messages from peers and planner
-constexpr Duration kMaxBranchAhead = 2s;
 constexpr Duration kStatusPeriod = 1s;
-constexpr Duration kClockDoubt = 1s, kMaxMotion = 10s;
+constexpr Duration kClockDoubt = 1s;
 constexpr Duration kLively = 300ms;            // after news
 constexpr std::int64_t kMostLost = 1'000'000;  // that are counted, of a peer: the sum of all fits its field
 constexpr double kResume_m = 0.5;              // a kept motion is gone on with where the robot is so close to it
@@ -41,7 +40,7 @@ void declare(OptionSet& options, BroadcastConfig& config) {
   options.add("swarm-rate", &config.swarm_rate_hz, 1, 100'000, "Hz",
               "announcements of all robots of the roster together, at most");
   options.add("setpoint-rate", &config.setpoint_rate_hz, 1, 1000, "Hz", "of setpoints");
-  options.add("yaw-rate-max", &config.yaw_rate_max, 0, 100, "rad/s",
+  options.add("yaw-rate-max", &config.yaw_rate_max_radps, 0, 100, "rad/s",
               "how fast the robot turns into its direction of flight");
   options.add("clock-error", &config.clock_error_s, 0, 1, "s",
               "clocks of two robots differ by at most this: motions are kept apart for it, and nothing is committed "
@@ -118,7 +117,7 @@ Refusal BroadcastNode::on_state(Utime now, std::span<const std::uint8_t> bytes) 
   }
   protocol_.start(first, kept_.forced_seq);
   store_fails_ = !keep(now, protocol_.state());
-  yaw_ = state.yaw;
+  yaw_rad_ = state.yaw;
   return Refusal::kNone;
 }
 
@@ -144,7 +143,8 @@ Refusal BroadcastNode::on_candidate(Utime now, std::span<const std::uint8_t> byt
 Rejection BroadcastNode::examine(Utime now, const Trajectory& candidate) const {
   if (!motion()) return Rejection::kNoCommitted;
   const Utime start = candidate.start_utime();
-  if (candidate.empty() || start <= now || start > now + kMaxBranchAhead) return Rejection::kTime;
+  if (candidate.empty() || start <= now || start > now + kMaxAhead || candidate.end_utime() > now + kMaxMotion)
+    return Rejection::kTime;
   const MotionState branch = motion()->at(start), first = candidate.knot(0);
   if ((branch.position - first.position).norm() > 1e-4 || (branch.velocity - first.velocity).norm() > 1e-3 ||
       (branch.acceleration - first.acceleration).norm() > 1e-2) {
@@ -163,7 +163,7 @@ Rejection BroadcastNode::examine(Utime now, const Trajectory& candidate) const {
 Refusal BroadcastNode::on_peer(Utime now, std::span<const std::uint8_t> bytes, Outbox& outbox) {
   announcement_t message;
   const auto from_peer = [this](const announcement_t& m) {
-    return links_.contains(m.header.robot_id) ? Refusal::kNone : Refusal::kRobot;
+    return protocol_.is_of_roster(m) ? Refusal::kNone : Refusal::kRobot;
   };
   const auto in_order = [this](const announcement_t& m) { return links_.at(m.header.robot_id).gate.pass(m.header); };
   const TimeWindow lately{now, kMaxAge, to_duration(config_.clock_error_s)};
@@ -174,9 +174,10 @@ Refusal BroadcastNode::on_peer(Utime now, std::span<const std::uint8_t> bytes, O
   if (refusal != Refusal::kNone) return refusal;
   const int id = message.header.robot_id;
   Link& link = links_.at(id);
-  if (!protocol_.receive(now, message)) return Refusal::kRobot;
+  protocol_.receive(now, message);
   if (link.boot == message.header.boot) {
-    link.lost = static_cast<std::int32_t>(std::min(link.lost + message.header.seq - link.seq - 1, kMostLost));
+    const std::int64_t missing = std::min(message.header.seq - link.seq - 1, kMostLost);  // any number may come
+    link.lost = static_cast<std::int32_t>(std::min(link.lost + missing, kMostLost));
   }
   link.heard = now;
   link.clock.heard(now, to_utime(message.header.utime));
@@ -277,13 +278,13 @@ void BroadcastNode::publish_setpoint(Utime now, Outbox& outbox) {
   Eigen::Map<Eigen::Vector3d>(setpoint.acceleration) = state.acceleration;
   Eigen::Map<Eigen::Vector3d>(setpoint.jerk) = state.jerk;
   // Turn into the direction of flight; slow motion has none worth turning to.
-  const double turn = 1.0 / config_.setpoint_rate_hz * config_.yaw_rate_max;
+  const double turn = 1.0 / config_.setpoint_rate_hz * config_.yaw_rate_max_radps;
   double step = 0.0;
   if (state.velocity.head<2>().norm() > 0.3) {
-    step = std::clamp(wrap_angle(direction(state.velocity.x(), state.velocity.y()) - yaw_), -turn, turn);
+    step = std::clamp(wrap_angle(direction(state.velocity.x(), state.velocity.y()) - yaw_rad_), -turn, turn);
   }
-  yaw_ = wrap_angle(yaw_ + step);
-  setpoint.yaw = yaw_;
+  yaw_rad_ = wrap_angle(yaw_rad_ + step);
+  setpoint.yaw = yaw_rad_;
   setpoint.yaw_rate = step * config_.setpoint_rate_hz;
   outbox.publish(BusId::kOnboard, channel::kSetpoint, setpoint);
 }

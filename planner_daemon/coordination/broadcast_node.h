@@ -2,7 +2,6 @@
 // setpoints.
 #pragma once
 
-#include <Eigen/Core>
 #include <array>
 #include <cstdint>
 #include <map>
@@ -24,15 +23,15 @@ namespace swarm {
 struct BroadcastConfig {
   int robot_id = 0;
   double radius_m = 0.2;
-  std::vector<int> roster;      // ids of all other robots: nothing is committed before each was heard
-  double v_max_mps = 2.0;       // per axis [m/s]: candidates beyond are rejected
-  double a_max_mps2 = 6.0;      // per axis [m/s^2]
+  std::vector<int> roster;      // ids of all robots that fly: nothing is committed before each was heard
+  double v_max_mps = 2.0;       // per axis: candidates beyond are rejected
+  double a_max_mps2 = 6.0;      // per axis
   double separation_m = 0.02;   // kept between surfaces of committed motions
   double announce_s = 0.05;     // repetition of the announcement
   double lively_s = 0.02;       // the same right after news
   double swarm_rate_hz = 1000;  // announcements of all robots together, at most
   double setpoint_rate_hz = 100;
-  double yaw_rate_max = 1.5;    // [rad/s]
+  double yaw_rate_max_radps = 1.5;
   double clock_error_s = 0.01;  // clocks of two robots differ by at most this
   double clock_limit_s = 0.1;   // the robot's own messages from further in the future are refused
   std::string state_dir;        // where promises survive a crash; empty: nowhere
@@ -74,7 +73,7 @@ class BroadcastNode : public Node {
   Refusal on_state(Utime now, std::span<const std::uint8_t> bytes);
   Refusal on_candidate(Utime now, std::span<const std::uint8_t> bytes);
   Refusal on_peer(Utime now, std::span<const std::uint8_t> bytes, Outbox& outbox);
-  TimeWindow window(Utime now) const;  // when messages of the robot itself must be of to be taken
+  TimeWindow window(Utime now) const;  // how old messages of the robot itself may be, and how far ahead
   // What is wrong with a candidate as a motion of this robot.
   Rejection examine(Utime now, const Trajectory& candidate) const;
   void advance(Utime now);
@@ -98,7 +97,7 @@ class BroadcastNode : public Node {
   std::vector<int> places_;    // ids of all robots that fly, ascending
   std::map<int, Link> links_;  // by roster peer
   SequenceGate state_gate_, candidate_gate_;
-  double yaw_ = 0.0;
+  double yaw_rad_ = 0.0;
   bool store_fails_ = false;
 
   Duration gap_{};                 // between announcements, at least

@@ -16,7 +16,7 @@ class ClockOffset {
   static constexpr Duration kWindow = 5s;  // what counts came within this, or one more
   static constexpr double kDoubt = 0.25;
 
-  // A message of the peer came, up to some minutes old; utimes by our clock and by its.
+  // A message of the peer came; by our clock, and by its when it was sent.
   void heard(Utime now, Utime sent) {
     if (now >= begun_ + kWindow) {
       before_ = now >= begun_ + 2 * kWindow ? Window() : newest_;

@@ -5,7 +5,12 @@
 #include <algorithm>
 #include <cmath>
 
+#include "lcmtypes/bus/time.h"
+
 namespace swarm {
+
+// So long before it begins, a trajectory that is urgent is committed without the answers that have not come.
+inline constexpr Duration kLastMoment = 10ms;
 
 // A running mean and deviation, as of TCP's round trips (Jacobson, SIGCOMM 1988). Each plan that was not committed in
 // time widens it until the next one that was.

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "lcmtypes/bus/crc32.h"
+#include "planner_daemon/coordination/commit_delay.h"
 #include "planner_daemon/coordination/deconfliction.h"
 
 namespace swarm {
@@ -13,8 +14,7 @@ using sogm_swarm::announcement_t;
 
 namespace {
 
-constexpr Duration kLastMoment = 10ms;  // so long before it begins, what is urgent waits no longer
-constexpr double kRounding_m = 1e-3;    // of positions on the wire and of motions that touch a distance
+constexpr double kRounding_m = 1e-3;  // of positions on the wire and of motions that touch a distance
 
 }  // namespace
 
@@ -24,7 +24,7 @@ const char* to_string(Rejection rejection) {
   return kNames[static_cast<int>(rejection)];
 }
 
-bool CommitProtocol::Peer::promised() const {
+bool CommitProtocol::Peer::acknowledged() const {
   return !pending.empty() && pending.seq() == judged_seq && verdict == ack_t::kAck;
 }
 
@@ -85,7 +85,7 @@ Rejection CommitProtocol::propose(Utime now, const Trajectory& candidate, bool u
   for (const auto& [id, peer] : peers_) {
     if (!peer.heard) continue;
     if (!keeps_off(candidate, peer.motion, peer.radius_m)) return Rejection::kConflict;
-    if (peer.promised() && !free_of(candidate, {peer.motion.committed, peer.pending}, peer.radius_m))
+    if (peer.acknowledged() && !free_of(candidate, {peer.motion.committed, peer.pending}, peer.radius_m))
       return Rejection::kConflict;
   }
   if (!pending_.empty()) withdraw();  // a newer plan replaces the one that waits
@@ -97,10 +97,14 @@ Rejection CommitProtocol::propose(Utime now, const Trajectory& candidate, bool u
   return Rejection::kNone;
 }
 
-bool CommitProtocol::receive(Utime now, const announcement_t& message) {
+bool CommitProtocol::is_of_roster(const announcement_t& message) const {
+  return peers_.contains(message.header.robot_id) && message.roster_crc == roster_crc_ &&
+         message.acks.size() == peers_.size() + 1;
+}
+
+void CommitProtocol::receive(Utime now, const announcement_t& message) {
+  if (!is_of_roster(message)) return;
   const auto entry = peers_.find(message.header.robot_id);
-  if (entry == peers_.end() || message.roster_crc != roster_crc_ || message.acks.size() != peers_.size() + 1)
-    return false;
   Peer& peer = entry->second;
   if (!peer.heard || peer.boot != message.header.boot) {  // nothing said before counts
     peer = Peer();
@@ -116,7 +120,6 @@ bool CommitProtocol::receive(Utime now, const announcement_t& message) {
   peer.our_seq = peer.hears_us ? about_us.judged_seq : 0;
   peer.our_verdict = peer.hears_us ? about_us.verdict : ack_t::kNone;
   judge(now, entry->first, &peer);
-  return true;
 }
 
 void CommitProtocol::judge(Utime now, int peer_id, Peer* peer) {
@@ -165,7 +168,7 @@ bool CommitProtocol::may_commit(Utime now) const {
     const auto& [id, peer] = entry;
     const bool judged_there = agreed && id < rules_.robot_id;  // our P against its C
     if (peer.heard && !judged_there && !keeps_off(pending_, peer.motion, peer.radius_m)) return false;
-    const bool counts = agreed ? peer.promised() : !peer.pending.empty();
+    const bool counts = agreed ? peer.acknowledged() : !peer.pending.empty();
     return !counts || free_of(pending_, {peer.motion.committed, peer.pending}, peer.radius_m);
   });
 }

@@ -1,5 +1,5 @@
 // The commit protocol (design: ack with right of way): whatever the network does, no two committed motions ever come
-// closer than the sum of the radii, as long as no two clocks differ by more than `clock_error_s`. Knows neither wire
+// closer than the sum of the radii, as long as no two clocks differ by more than `clock_error_s`. Knows neither bus
 // nor clock nor files; commit_protocol_test searches its states exhaustively on small cases.
 //
 // For each pair of robots the lower id is the holder of the right of way, the other the asker. Every robot is bound to
@@ -49,7 +49,7 @@ enum class Rejection : std::uint8_t {
   kNoCommitted,    // no robot state yet
   kWaiting,        // a roster peer was never heard, or has not heard this start of the daemon
   kBusy,           // a committed trajectory has not begun yet
-  kTime,           // starts in the past or too far in the future
+  kTime,           // starts in the past or too far in the future, or ends too late
   kDiscontinuous,  // does not start on the committed motion
   kLimits,         // exceeds speed or acceleration
   kConflict,       // comes too close to a peer's motion
@@ -82,7 +82,7 @@ class CommitProtocol {
     std::int32_t our_seq = 0;  // newest of ours that it judged, and its verdict
     std::int8_t our_verdict = 0;
 
-    bool promised() const;  // we acknowledged what it announces
+    bool acknowledged() const;  // by us: what it announces
   };
 
   explicit CommitProtocol(const Rules& rules);
@@ -104,8 +104,10 @@ class CommitProtocol {
   // Announces a candidate that leaves the committed motion in the future. kNone, kNoCommitted, kWaiting or kClock (not
   // when it is urgent), kBusy or kConflict. One that still waits is withdrawn.
   Rejection propose(Utime now, const Trajectory& candidate, bool urgent = false);
-  // A peer's announcement, newer than all before. False when it is not of this roster: nothing has changed then.
-  [[nodiscard]] bool receive(Utime now, const sogm_swarm::announcement_t& message);
+  // Whether a peer sent it, and knows the same roster.
+  bool is_of_roster(const sogm_swarm::announcement_t& message) const;
+  // A peer's announcement, newer than all before; others change nothing.
+  void receive(Utime now, const sogm_swarm::announcement_t& message);
   // Switches to and withdraws what is due.
   void advance(Utime now);
   // Whether what is pending may be committed now; then commit() does it, unless `keep` fails: what it is handed must

@@ -16,11 +16,11 @@ bool separated(const ControlPoints& difference, double duration_s, double distan
          separated(part_of(difference, 0.5, 1.0), duration_s / 2, distance);
 }
 
-// Bound on the motion's speed during [from, to] [m/s].
-double fastest(const Motion& motion, Utime from_utime, Utime to_utime) {
+// Bound on the motion's speed during [begin, end] [m/s].
+double fastest(const Motion& motion, Utime begin, Utime end) {
   double bound = 0.0;
-  for (Utime from = std::max(from_utime, motion.committed.start_utime()); from < to_utime;) {
-    const Utime to = std::min(motion.next_knot_after(from), to_utime);
+  for (Utime from = std::max(begin, motion.committed.start_utime()); from < end;) {
+    const Utime to = std::min(motion.next_knot_after(from), end);
     const ControlPoints points = control_points_between(motion, from, to);
     const double step = (points.rightCols<5>() - points.leftCols<5>()).colwise().norm().maxCoeff();
     bound = std::max(bound, 5 * step / to_seconds(to - from));

@@ -75,7 +75,7 @@ class SearchTree {
   std::int32_t add_child(std::int32_t index, const Axes& axes, const Choice& choice, const SampleWords& words);
 
   const SearchContext& context_;
-  std::vector<SearchNode> nodes_;
+  std::vector<SearchNode> nodes_;  // never more than it has room for: references to them stay good
 };
 
 template <class Visit>
@@ -84,7 +84,6 @@ void SearchTree::for_each_child(std::int32_t index, const Visit& visit) {
   Axes axes;  // its own: a visitor may grow the tree on
   rate(node, &axes);
   const ConfigurationSpace::Layers layers = look(node, axes);
-  const int depth = node.depth;  // the node itself may move
   const bool one_word = layers.blocked.geometry.words_per_column() == 1;
   const auto& [xs, ys, zs] = axes;
   const auto count = [](const RatedOptions& axis) { return static_cast<std::size_t>(axis.options.count); };
@@ -94,7 +93,7 @@ void SearchTree::for_each_child(std::int32_t index, const Visit& visit) {
       for (std::size_t z = 0; z < count(zs); ++z) {
         if (z == 0 || !one_word)
           look_up(layers, xs.options.option[x].samples, ys.options.option[y].samples, zs.options.option[z].samples,
-                  depth, &words);
+                  node.depth, &words);
         if (const std::int32_t child = add_child(index, axes, {x, y, z}, words); child >= 0) visit(child);
       }
     }

@@ -61,7 +61,7 @@ struct SearchPath {
 };
 
 struct SearchResult : SearchPath {
-  Utime free_until_utime{};   // the path meets blocked space then; kNever: not within the map
+  Utime free_until_utime{};   // the path meets blocked space then; kNever: not within the map; of an escape always
   int expansions = 0;         // nodes expanded; of an escape: manoeuvres looked at
   bool settled = false;       // the budget was spent or nothing was left to expand: the best seen
   bool left_blocked = false;  // it started in blocked space

@@ -46,7 +46,6 @@ class ConfigurationSpace {
   // call.
   Occupancy compose_standing(const std::vector<Peer>& peers);
 
-  const ConfigurationSpaceOptions& options() const { return options_; }
   const Occupancy& occupancy() const { return occupancy_; }
   // Layout of all layers: geometry, frames and their times as in the SOGM. Its voxels are known where layers() or
   // blocked() were asked for them.

@@ -23,7 +23,7 @@ class Trajectory {
   static Trajectory from_wire(const sogm_swarm::trajectory_t& wire);
   sogm_swarm::trajectory_t to_wire() const;
 
-  // Appends nothing yet: an empty spline that set_knot fills. 1 <= num_pieces <= kMaxPieces;
+  // A spline whose knots are all zero until set_knot fills them. 1 <= num_pieces <= kMaxPieces;
   // `piece`, the duration of each, [10 ms, 10 s] as on the wire.
   Trajectory(std::int32_t seq, Utime start_utime, Duration piece, int num_pieces);
   // Knot i in [0, num_pieces], rounded to what the wire carries.

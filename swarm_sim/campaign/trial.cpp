@@ -72,7 +72,7 @@ World Trial::world() const {
 }
 
 std::string Trial::command(const FlightArguments& arguments) const {
-  if (!list_at.empty()) return "swarm_sim run " + list_at + " --out trial" + command_line(arguments);
+  if (!list_at.empty()) return "swarm_sim run " + quoted(list_at) + " --out trial" + command_line(arguments);
   return "swarm_sim world --task " + task + " --env " + environment + " --obstacles " + std::to_string(obstacles) +
          " --seed " + seed + command_line(fleet) + " -o trial.json && swarm_sim run trial.json --out trial" +
          command_line(arguments);

@@ -34,7 +34,7 @@ class TraceWriter {
   std::string line_;
 };
 
-// LCM event logs with the given (simulated) times, one file a bus: swarm.lcm and robot<ID>.lcm in `directory`.
+// LCM event logs with the given times, one file a bus: swarm.lcm and robot<ID>.lcm in `directory`.
 // The same events give the same bytes.
 class BusLog {
  public:

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 
 #include "lcmtypes/bus/atomic_file.h"
 #include "lcmtypes/bus/text.h"
@@ -105,7 +104,6 @@ ordered_json to_json(const RunReport& report) {
     channels[name] = {{"messages", count.messages}, {"bytes", count.bytes}, {"lost", count.lost}};
   return {{"world", report.world},
           {"mode", report.mode},
-          {"seed", report.seed},
           {"options", options},
           {"outcome", to_string(report.outcome)},
           {"duration", report.duration_s},

@@ -43,8 +43,7 @@ struct RobotReport {
 
 struct RunReport {
   std::string world;
-  std::string mode;  // e.g. lock-step, processes
-  std::uint64_t seed = 0;
+  std::string mode;                                          // lockstep, processes
   std::vector<std::pair<std::string, std::string>> options;  // in the order to be shown
   Outcome outcome = Outcome::kTimeout;
   double duration_s = 0.0;  // simulated

@@ -125,5 +125,11 @@ TEST(NewBoot, GrowsAtEveryStartWithinTheSameSecond) {
   EXPECT_NEAR(before, 20 * to_seconds(uptime()), 20.0);
 }
 
+TEST(NewBoot, GrowsByTheWallClockWithinTheSameSecond) {
+  const std::int32_t first = new_boot_by_wall_clock(), second = new_boot_by_wall_clock();
+  EXPECT_GT(second, first);
+  EXPECT_NEAR(second, to_seconds(wall_utime().time_since_epoch()), 2.0);
+}
+
 }  // namespace
 }  // namespace swarm

@@ -168,7 +168,7 @@ TEST(Validate, TrajectoryFieldsAgree) {
 
 TEST(Validate, AnnouncementFieldsAgree) {
   Judge<announcement_t> judge;
-  EXPECT_EQ(judge([](auto& m) { m.committed = {}; }), kGood);  // a robot that has none yet
+  EXPECT_EQ(judge([](auto& m) { m.committed = {}; }), kInconsistent);  // who has none announces nothing
   for (const std::int8_t state : {announcement_t::kAnnounced, announcement_t::kCommitted}) {
     EXPECT_EQ(judge([state](auto& m) {
                 m.pending = {};
@@ -256,6 +256,8 @@ TEST(Validate, SogmPartsAndVolumeAgree) {
   EXPECT_EQ(volume(8, 1024, 1024, 65), kInconsistent);
   EXPECT_EQ(volume(9, 1024, 1024, 64), kInconsistent);
   EXPECT_EQ(volume(128, 1024, 1024, 1024), kInconsistent);
+  EXPECT_EQ(volume(1, 1024, 1024, 64), kGood);
+  EXPECT_EQ(volume(1, 1024, 1024, 65), kInconsistent);  // a frame of more than 2^26 voxels, 16 MB in all
 }
 
 }  // namespace

@@ -116,7 +116,7 @@ TEST(RunCommand, BadOptionsAreRefusedByNameValueAndRule) {
   expect({"--config", directory / "none.cfg"}, {"none.cfg", "cannot be read"});
   expect({"--planner-config", directory / "none.cfg"}, {"none.cfg", "cannot be read"});
   const std::string config = write_text(directory / "bad.cfg", "lead = fast\n");
-  expect({"--planner-config", config}, {config, "lead = fast", "[0.005, 2] s"});
+  expect({"--planner-config", config}, {config, "lead = fast", "[0.005, 0.5] s"});
   expect({"--map-config", config}, {config, "unknown key 'lead'"});
   write_text(directory / "bad.cfg", "emergency-clearance = 0.1\n");
   expect({"--planner-config", config}, {"--emergency-clearance"});

@@ -331,6 +331,23 @@ TEST(PlannerNode, AClockThatIsSetStopsNeitherPlansNorStatuses) {
   }
 }
 
+TEST(PlannerNode, WhenTheClockIsSetAllThatItKnowsMoves) {
+  for (const Duration step : {-5s, 5s}) {
+    Fixture f;
+    f.start({3, 0, 1});
+    f.send_peer(1, Trajectory::hover(1, f.now, {5, 5, 1}));
+    ASSERT_EQ(f.node.plans(), 1);
+    f.run_for(0.01);
+    f.send_map();
+    ASSERT_EQ(f.node.plans(), 1);  // not before the period is over
+    f.wall_ahead = step;
+    f.step();
+    f.run_for(0.04);
+    EXPECT_EQ(f.node.plans(), 2);  // with that map
+    EXPECT_FALSE(f.node.newest_request().peers->at(0).silent);
+  }
+}
+
 // A budget that would take a gigabyte is a slip of the pen.
 TEST(PlannerNodeConfig, TheBudgetIsBounded) {
   const auto parse = [](const char* budget) {
@@ -361,6 +378,7 @@ TEST(PlannerNodeConfig, ImpossibleCombinationsAreRefusedByName) {
   EXPECT_TRUE(names(complaint([](auto& c) { c.planner.limits.space_min.z() = 3.8; }), "space-min"));
   EXPECT_TRUE(names(complaint([](auto& c) { c.planner.space.emergency_clearance_m = 0.2; }), "emergency-clearance"));
   EXPECT_TRUE(names(complaint([](auto& c) { c.planner.search.num_pieces = 2; }), "pieces"));
+  EXPECT_TRUE(names(complaint([](auto& c) { c.planner.search.piece = 801ms; }), "8.01"));
 }
 
 }  // namespace

@@ -116,7 +116,7 @@ Refusal BridgeNode::on_setpoint(Utime now, std::span<const std::uint8_t> bytes) 
   const MotionState state{Eigen::Vector3d(setpoint.position), Eigen::Vector3d(setpoint.velocity),
                           Eigen::Vector3d(setpoint.acceleration), Eigen::Vector3d(setpoint.jerk)};
   setpoint_heard_ = now;
-  yaw_ = setpoint.yaw;
+  yaw_rad_ = setpoint.yaw;
   // The committed trajectory may have been sampled beyond it meanwhile: the robot is never led backwards.
   if (utime <= sent_utime_ && utime >= sent_utime_ - kSetpointAge) {
     ++report_.late;
@@ -157,7 +157,7 @@ void BridgeNode::on_controller(Utime now, const mavlink::Attitude& attitude) {
   if (!pass(&attitude_clock_, attitude.time_boot_ms)) return;
   if (!(std::abs(attitude.yaw) <= kMaxVelocity_mps)) return refuse(StateRefusal::kValue);
   attitude_heard_ = now;
-  attitude_yaw_ = frame_.yaw(attitude.yaw);
+  attitude_yaw_rad_ = frame_.yaw(attitude.yaw);
 }
 
 void BridgeNode::on_controller(Utime now, const mavlink::LocalPositionNed& local, Outbox& outbox) {
@@ -172,7 +172,7 @@ void BridgeNode::on_controller(Utime now, const mavlink::LocalPositionNed& local
   state.header = state_headers_.next(now - to_duration(config_.state_delay_s));
   Eigen::Map<Eigen::Vector3d>(state.position) = position;
   Eigen::Map<Eigen::Vector3d>(state.velocity) = velocity;
-  state.yaw = attitude_yaw_;
+  state.yaw = attitude_yaw_rad_;
   outbox.publish(BusId::kOnboard, channel::kRobotState, state);
   ++report_.states;
 }
@@ -266,7 +266,7 @@ Utime BridgeNode::guide(Utime now) {
   report_.led_by = LedBy::kTrajectory;
   if (now >= sample_.due_on_grid(now, kSamplePeriod)) {
     ++report_.samples;
-    send_target(now, motion_->at(now), yaw_, 0.0);
+    send_target(now, motion_->at(now), yaw_rad_, 0.0);
     sample_.done(now);
   }
   return sample_.due_on_grid(now, kSamplePeriod);

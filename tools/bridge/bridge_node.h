@@ -132,12 +132,12 @@ class BridgeNode : public Node {
   Utime sent_utime_{};                     // of the newest target,
   std::optional<Eigen::Vector3d> target_;  // which is here, in W
   Recurring sample_, heartbeat_;
-  double yaw_ = 0.0;              // of the newest setpoint, in W
+  double yaw_rad_ = 0.0;          // of the newest setpoint, in W
   std::optional<Motion> motion_;  // what the robot is bound to
 
   BootClock position_clock_, attitude_clock_;
   std::optional<Utime> attitude_heard_;  // when it was heard
-  double attitude_yaw_ = 0.0;            // in W
+  double attitude_yaw_rad_ = 0.0;        // in W
 };
 
 }  // namespace swarm

@@ -96,10 +96,6 @@ class Converter {
 
   void add(const LogEvent& event, std::optional<int> owner) {
     ++events_;
-    if (event.utime < Utime() || event.utime > kMaxUtime) {  // beyond, times in ns need more than 64 bits
-      ++without_time_;
-      return;
-    }
     first_utime_ = std::min(first_utime_, event.utime);
     last_utime_ = std::max(last_utime_, event.utime);
     utime_ = event.utime;
@@ -124,7 +120,6 @@ class Converter {
             std::to_string(writer_.channels()) + " topics, " + megabytes(writer_.bytes()) +
             " MB (logs: " + megabytes(static_cast<std::uint64_t>(log_bytes)) + " MB)\n";
     if (skipped > 0) text += "  damaged: " + std::to_string(skipped) + " bytes are no events\n";
-    if (without_time_ > 0) text += "  left out, their time cannot be: " + std::to_string(without_time_) + "\n";
     text += list("not readable", refused_) + list("on channels that are not ours", others_);
     return text;
   }
@@ -171,7 +166,7 @@ class Converter {
   LogDrawing drawing_;
   std::map<std::string, std::uint16_t> schemas_, channels_;
   Utime utime_{}, first_utime_ = kNever, last_utime_{};
-  std::int64_t events_ = 0, without_time_ = 0;
+  std::int64_t events_ = 0;
   Counts refused_, others_;  // by channel
 };
 

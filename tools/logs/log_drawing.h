@@ -29,9 +29,8 @@ struct DrawingOptions {
 
 // Each scene holds everything of its topic, so that a viewer that starts anywhere needs the newest one alone.
 //   /tf                    FrameTransforms: from "world" to "robot<K>", position and yaw
-//   /robot<K>/scene        SceneUpdate: the robot's sphere, its committed trajectory, the pending one fainter, its
-//   goal;
-//                          when any of it changes, and with announcements every 0.1 s
+//   /robot<K>/scene        SceneUpdate: the robot's sphere, its trajectories (the pending one fainter), its goal; when
+//                          any of it changes, and with announcements every 0.1 s
 //   /robot<K>/obstacles    SceneUpdate: columns, rings, boxes and spheres where they are at the message's time
 //   /robot<K>/obstacle_voxels  SceneUpdate: the cubes of each set, for 1 s; one set a message
 //   /robot<K>/sogm         PointCloud: centres of the map's surface voxels, t: start of the first frame in which the

@@ -1,11 +1,8 @@
 // What a log of a bus holds: channels, rates, gaps, planning times, what became of plans, refusals and losses.
 #include <algorithm>
 #include <array>
-#include <cstdio>
-#include <cstdlib>
 #include <iostream>
 #include <map>
-#include <set>
 #include <stdexcept>
 #include <string>
 #include <vector>

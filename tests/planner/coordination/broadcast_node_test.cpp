@@ -175,6 +175,7 @@ TEST(BroadcastNode, RejectsCandidatesByReason) {
   expect_rejected(robot, Rejection::kTime, robot.plan({1, 0, 1}, 0.0));
   expect_rejected(robot, Rejection::kTime, robot.plan({1, 0, 1}, -0.01));
   expect_rejected(robot, Rejection::kTime, robot.plan({1, 0, 1}, 2.000001));
+  expect_rejected(robot, Rejection::kTime, robot.plan({1, 0, 1}, 0.1, 9.95));
   const Trajectory good = robot.plan({1, 0, 1});
   const auto with_first_knot = [&](const Eigen::Vector3d& dp, const Eigen::Vector3d& dv, const Eigen::Vector3d& da) {
     MotionState first = good.knot(0);
@@ -189,7 +190,9 @@ TEST(BroadcastNode, RejectsCandidatesByReason) {
   expect_rejected(robot, Rejection::kDiscontinuous, with_first_knot(none, none, {1.2e-2, 0, 0}));
   expect_rejected(robot, Rejection::kLimits, robot.plan({0, 4, 1}, 0.1, 3.0));     // 2.5 m/s, 2.6 m/s^2
   expect_rejected(robot, Rejection::kLimits, robot.plan({0, 0, 1.7}, 0.1, 0.75));  // 1.75 m/s, 7.2 m/s^2
-  expect_rejected(robot, Rejection::kConflict, robot.plan({19.7, 0, 1}, 0.1, 20.0));
+  robot.peers.at(1).committed = Trajectory::hover(2, kStart, {10, 0, 1});
+  robot.hear(1);
+  expect_rejected(robot, Rejection::kConflict, robot.plan({9.7, 0, 1}, 0.1, 9.8));
   robot.propose(good);
   EXPECT_EQ(robot.node.rejected(Rejection::kNone), 1);
 
@@ -275,9 +278,12 @@ TEST(BroadcastNode, AnnouncementsOfAnotherRosterAreRefused) {
   message = robot.peers.at(0).message(robot.now, 1);
   message.acks.push_back({-1, 0, ack_t::kNone});
   message.num_acks = 4;
+  message.header.seq = std::int64_t{1} << 40;
   robot.send(channel::kTrajectory, message, BusId::kSwarm);
   EXPECT_EQ(robot.node.refused()[Refusal::kRobot], 2);
   EXPECT_EQ(robot.out.count(channel::kPeerTrajectory), 2);  // of the start
+  robot.hear(0);
+  EXPECT_EQ(robot.out.count(channel::kPeerTrajectory), 3) << "what was refused has used up its number";
 }
 
 TEST(BroadcastNode, StatusTellsWhatHappened) {
@@ -307,6 +313,9 @@ TEST(BroadcastNode, StatusTellsWhatHappened) {
   EXPECT_NEAR(status.max_age_ms, 1000, 1);
   robot.run_for(1.0);
   EXPECT_EQ(robot.out.newest<broadcast_status_t>(channel::kBroadcastStatus).peers_heard, 0);
+  robot.peers.at(0).seq = std::numeric_limits<std::int64_t>::max();
+  robot.hear(0);
+  EXPECT_EQ(robot.node.lost(), 1'000'000);  // of a peer, at most
 }
 
 }  // namespace

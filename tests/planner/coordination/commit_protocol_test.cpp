@@ -218,7 +218,8 @@ class Swarm {
     } else {  // older ones are refused from now on
       link(from, to).erase(link(from, to).begin(), link(from, to).begin() + static_cast<std::ptrdiff_t>(version) + 1);
     }
-    ASSERT_TRUE(robots_[to].protocol.receive(now(), message));
+    ASSERT_TRUE(robots_[to].protocol.is_of_roster(message));
+    robots_[to].protocol.receive(now(), message);
     settle(to);
   }
   // The newest of everything, until nobody has news.
