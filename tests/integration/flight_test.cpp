@@ -10,7 +10,7 @@
 namespace swarm {
 namespace {
 
-const std::filesystem::path kData = std::filesystem::path(SWARM_SHARED_DIR) / "data";
+const std::filesystem::path kData = SWARM_TEST_DATA;
 
 // Flies it and expects success at 10 plans a second or more.
 void fly(const World& world, const OccupiedCubes* static_map = nullptr) {

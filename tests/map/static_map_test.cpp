@@ -240,7 +240,7 @@ TEST_F(StaticMapTest, EveryTruncationIsNoticed) {
 }
 
 TEST(StaticMapRealFile, BuildingLoads) {
-  const std::string path = std::string(SWARM_SHARED_DIR) + "/data/geb079.bt";
+  const std::string path = SWARM_TEST_DATA "/geb079.bt";
   if (!fs::exists(path)) GTEST_SKIP() << path << " is not here";
   const StaticMap map(path, 0.1, 0.05);
   const auto tree = read_octomap(path);

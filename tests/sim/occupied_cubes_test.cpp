@@ -76,7 +76,7 @@ TEST(OccupiedCubes, EqualsAllLeavesInBothFormats) {
 }
 
 TEST(OccupiedCubes, RealBuildingEqualsAllLeaves) {
-  const fs::path path = fs::path(SWARM_SHARED_DIR) / "data/geb079.bt";
+  const fs::path path = fs::path(SWARM_TEST_DATA) / "geb079.bt";
   if (!fs::exists(path)) GTEST_SKIP() << "no map at " << path;
   const OccupiedCubes cubes = OccupiedCubes::load(path);
   octomap::OcTree tree(path.string());

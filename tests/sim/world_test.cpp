@@ -309,7 +309,7 @@ TEST(WorldFiles, WritingReadsBackAsTheSameWorld) {
 
 TEST(WorldFiles, ExampleWorldsAreAccepted) {
   const TemporaryDirectory directory;
-  const fs::path examples = fs::path(SWARM_SHARED_DIR) / "data/worlds";
+  const fs::path examples = fs::path(SWARM_TEST_DATA) / "worlds";
   if (!fs::exists(examples)) GTEST_SKIP() << "no example worlds at " << examples;
   int count = 0;
   for (const auto& entry : fs::directory_iterator(examples)) {

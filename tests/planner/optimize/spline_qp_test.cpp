@@ -633,7 +633,7 @@ TEST(SplineQp, RefusesBadArgumentsByName) {
 }
 
 TEST(SplineQp, StoredCorridorProblems) {
-  const std::filesystem::path path = SWARM_SHARED_DIR "/data/qp/problems.jsonl";
+  const std::filesystem::path path = SWARM_TEST_DATA "/qp/problems.jsonl";
   if (!std::filesystem::exists(path)) GTEST_SKIP() << path << " is absent";
   int solved = 0, infeasible = 0;
   for (const auto& [json, name, degree, durations, problem] : read_qp_problems(path)) {
