@@ -313,7 +313,7 @@ TEST(BroadcastNode, StatusTellsWhatHappened) {
   EXPECT_NEAR(status.max_age_ms, 1000, 1);
   robot.run_for(1.0);
   EXPECT_EQ(robot.out.newest<broadcast_status_t>(channel::kBroadcastStatus).peers_heard, 0);
-  robot.peers.at(0).seq = std::numeric_limits<std::int64_t>::max();
+  robot.peers.at(0).seq = std::numeric_limits<std::int64_t>::max() - 1;
   robot.hear(0);
   EXPECT_EQ(robot.node.lost(), 1'000'000);  // of a peer, at most
 }
