@@ -5,6 +5,7 @@
 #include <stdexcept>
 
 #include "lcmtypes/bus/channels.h"
+#include "lcmtypes/bus/text.h"
 #include "planner_daemon/space/first_touch.h"
 
 namespace swarm {
@@ -74,8 +75,8 @@ void verify(const PlannerNodeConfig& config) {
     throw OptionError("--emergency-clearance: must be at most --clearance");
   if (const Duration horizon = config.planner.search.num_pieces * config.planner.search.piece;
       horizon > kMaxMotion - kMaxAhead) {
-    throw OptionError("--pieces, --piece-us: " + std::to_string(to_seconds(horizon)) + " s in all; must be at most " +
-                      std::to_string(to_seconds(kMaxMotion - kMaxAhead)) + " s");
+    throw OptionError("--pieces, --piece-us: " + text_of(to_seconds(horizon)) + " s in all; must be at most " +
+                      text_of(to_seconds(kMaxMotion - kMaxAhead)) + " s");
   }
   try {
     [[maybe_unused]] const Primitives probe(limits, config.planner.search);

@@ -12,6 +12,7 @@
 #include <thread>
 
 #include "lcmtypes/bus/atomic_file.h"
+#include "lcmtypes/bus/node_clock.h"
 #include "lcmtypes/bus/text.h"
 #include "swarm_sim/campaign/campaign.h"
 #include "swarm_sim/results/csv.h"
@@ -125,13 +126,13 @@ class Progress {
   }
 
  private:
-  double seconds() const { return std::chrono::duration<double>(std::chrono::steady_clock::now() - began_).count(); }
+  double seconds() const { return std::chrono::duration<double>(stopwatch() - began_).count(); }
 
   bool terminal_ = ::isatty(STDERR_FILENO) != 0;
   std::size_t done_before_, done_, total_;
   int successes_ = 0;
   double next_s_ = 0.0;
-  std::chrono::steady_clock::time_point began_ = std::chrono::steady_clock::now();
+  std::chrono::nanoseconds began_ = stopwatch();
 };
 
 std::atomic<bool> interrupted = false;  // set by a signal, read by all workers

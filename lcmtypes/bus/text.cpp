@@ -45,6 +45,13 @@ void append_fixed(double value, int decimals, std::string* text) {
   text->append(buffer, std::to_chars(buffer, buffer + sizeof buffer, value, std::chars_format::fixed, decimals).ptr);
 }
 
+std::string fixed(double value, int decimals, const std::string& unknown) {
+  if (!std::isfinite(value)) return unknown;
+  std::string text;
+  append_fixed(value, decimals, &text);
+  return text;
+}
+
 std::string aligned(const std::vector<std::vector<std::string>>& rows) {
   std::vector<std::size_t> widths(rows.front().size(), 0);
   for (const auto& row : rows) {

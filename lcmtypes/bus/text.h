@@ -11,6 +11,7 @@ namespace swarm {
 std::string text_of(double value);                                     // 1.5
 std::string text_of(const Eigen::Ref<const Eigen::VectorXd>& values);  // [1,2.5,0]
 void append_fixed(double value, int decimals, std::string* text);      // always `decimals` digits after the point
+std::string fixed(double value, int decimals, const std::string& unknown = "-");  // the same; of what is not finite
 
 // All of `text` as one finite number >= 0; false: it is none.
 bool read_amount(const std::string& text, double* amount);

@@ -313,10 +313,10 @@ void BroadcastNode::publish_status(Utime now, Outbox& outbox) {
   for (const auto& [id, link] : links_) {
     if (link.boot < 0 || now - link.heard > 1s) continue;
     ++status.peers_heard;
-    status.max_age_ms = std::max(status.max_age_ms, 1e-3f * static_cast<float>((now - link.heard).count()));
+    status.max_age_ms = std::max(status.max_age_ms, static_cast<float>(to_ms(now - link.heard)));
     const Duration offset = link.clock.offset().value_or(0us);
     status.max_clock_offset_ms =
-        std::max(status.max_clock_offset_ms, 1e-3f * static_cast<float>(std::chrono::abs(offset).count()));
+        std::max(status.max_clock_offset_ms, static_cast<float>(to_ms(std::chrono::abs(offset))));
   }
   refused_.copy_to(status.refused);
   outbox.publish(BusId::kOnboard, channel::kBroadcastStatus, status);

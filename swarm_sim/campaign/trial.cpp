@@ -11,11 +11,9 @@
 namespace swarm {
 namespace {
 
-std::string fixed(double value, int decimals) {
-  if (!std::isfinite(value)) return "";
-  std::string text;
-  append_fixed(value, decimals, &text);
-  return text;
+// A cell of the table: empty where it is not known.
+std::string cell_of(double value, int decimals) {
+  return fixed(value, decimals, "");
 }
 
 // robot 1-obstacle 5@3.21; robot 0-robot 2@4.00
@@ -25,7 +23,7 @@ std::string touches(const RunReport& report) {
     text.append(text.empty() ? "" : "; ").append("robot ").append(std::to_string(touch.robot)).append("-");
     text.append(to_string(touch.counterpart));
     if (touch.other >= 0) text.append(" ").append(std::to_string(touch.other));
-    text.append("@").append(fixed(touch.t_s, 2));
+    text.append("@").append(cell_of(touch.t_s, 2));
   }
   return text;
 }
@@ -138,22 +136,22 @@ TrialRow trial_row(const Trial& trial, const World& world, const RunReport& repo
                   std::to_string(report.commit_conflicts),
                   std::to_string(report.forced_commits),
                   std::to_string(report.forced_conflicts),
-                  fixed(last_s, 2),
-                  fixed(sum_s / static_cast<double>(report.robots.size()), 3),
-                  fixed(obstacles_m, 4),
-                  fixed(static_m, 4),
-                  fixed(robots_m, 4),
-                  fixed(speed, 5),
-                  fixed(acceleration, 5),
-                  fixed(jump_m, 7),
-                  fixed(step_mps2, 4),
+                  cell_of(last_s, 2),
+                  cell_of(sum_s / static_cast<double>(report.robots.size()), 3),
+                  cell_of(obstacles_m, 4),
+                  cell_of(static_m, 4),
+                  cell_of(robots_m, 4),
+                  cell_of(speed, 5),
+                  cell_of(acceleration, 5),
+                  cell_of(jump_m, 7),
+                  cell_of(step_mps2, 4),
                   std::to_string(plans)};
   for (const TimingStats& step : report.planning) {
     for (const double ms : {step.mean_ms, step.p50_ms, step.p95_ms, step.p99_ms, step.max_ms})
-      row.push_back(fixed(ms, 4));
+      row.push_back(cell_of(ms, 4));
   }
-  row.insert(row.end(), {fixed(report.mapping.p50_ms, 4), fixed(report.mapping.p99_ms, 4), fixed(report.duration_s, 2),
-                         fixed(report.wall_s, 3), command});
+  row.insert(row.end(), {cell_of(report.mapping.p50_ms, 4), cell_of(report.mapping.p99_ms, 4),
+                         cell_of(report.duration_s, 2), cell_of(report.wall_s, 3), command});
   return row;
 }
 

@@ -11,6 +11,7 @@
 #include "lcmtypes/bus/boot.h"
 #include "lcmtypes/bus/channels.h"
 #include "lcmtypes/bus/lcm_bus.h"
+#include "lcmtypes/bus/node_clock.h"
 #include "lcmtypes/bus/realtime_host.h"
 #include "lcmtypes/bus/temporary_directory.h"
 #include "swarm_sim/environment/environment_node.h"
@@ -195,7 +196,7 @@ RunReport report_of(const World& world, const Simulation& simulation, const std:
 RunReport run_processes(const World& world, const OccupiedCubes* static_map, const FlightOptions& options,
                         const ProcessOptions& processes, BusLog* logs, TraceWriter* trace,
                         const ProgressCallback& progress) {
-  const auto began = std::chrono::steady_clock::now();
+  const std::chrono::nanoseconds began = stopwatch();
   const TemporaryDirectory temporary("swarm_sim");
   const DaemonDirectories directories = {
       processes.programs.empty() ? std::filesystem::read_symlink("/proc/self/exe").parent_path() : processes.programs,
@@ -248,7 +249,7 @@ RunReport run_processes(const World& world, const OccupiedCubes* static_map, con
   if (overseer.failure()) throw std::runtime_error(*overseer.failure());
   if (!simulation.judge().finished()) throw Interrupted();
 
-  const std::chrono::duration<double> wall = std::chrono::steady_clock::now() - began;
+  const std::chrono::duration<double> wall = stopwatch() - began;
   RunReport report = report_of(world, simulation, watches, wall.count());
   recorder.finish(options.clock_offset_ms, &report);
   return report;

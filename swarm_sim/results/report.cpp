@@ -64,13 +64,6 @@ ordered_json list(const std::vector<Item>& items) {
   return json;
 }
 
-std::string fixed(double value, int decimals) {
-  if (!std::isfinite(value)) return "-";
-  std::string text;
-  append_fixed(value, decimals, &text);
-  return text;
-}
-
 }  // namespace
 
 RunReport make_report(const std::string& world, const std::string& mode, const Judge& judge, double duration_s,

@@ -378,7 +378,7 @@ TEST(PlannerNodeConfig, ImpossibleCombinationsAreRefusedByName) {
   EXPECT_TRUE(names(complaint([](auto& c) { c.planner.limits.space_min.z() = 3.8; }), "space-min"));
   EXPECT_TRUE(names(complaint([](auto& c) { c.planner.space.emergency_clearance_m = 0.2; }), "emergency-clearance"));
   EXPECT_TRUE(names(complaint([](auto& c) { c.planner.search.num_pieces = 2; }), "pieces"));
-  EXPECT_TRUE(names(complaint([](auto& c) { c.planner.search.piece = 801ms; }), "8.01"));
+  EXPECT_TRUE(names(complaint([](auto& c) { c.planner.search.piece = 801ms; }), "8.01 s in all; must be at most 8 s"));
 }
 
 }  // namespace

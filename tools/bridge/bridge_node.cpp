@@ -133,9 +133,7 @@ Refusal BridgeNode::on_announcement(Utime now, std::span<const std::uint8_t> byt
   const Refusal refusal =
       receive(bytes, FromRobot{config_.robot_id}, window(now, kAnnouncementAge), announcement_gate_, &message);
   if (refusal != Refusal::kNone) return refusal;
-  const Motion motion = motion_of(message);
-  if (motion.committed.empty()) return Refusal::kInconsistent;
-  motion_ = motion;
+  motion_ = motion_of(message);
   announcement_heard_ = now;
   return Refusal::kNone;
 }

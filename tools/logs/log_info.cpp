@@ -56,12 +56,6 @@ struct Robot {
   std::int32_t plans = -1;
 };
 
-std::string fixed(double value, int decimals) {
-  std::string text;
-  append_fixed(value, decimals, &text);
-  return text;
-}
-
 template <class Status>
 void add_refused(const Status& status, const char* daemon, Robot* robot) {
   auto& totals = robot->refused[daemon];
