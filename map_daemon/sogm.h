@@ -84,6 +84,18 @@ struct Sogm {
   int frame_at(Utime utime) const;
 };
 
+// Word `w` of a column of `n` words (beyond them zeros) shifted down by `shift` bits, of either sign.
+inline std::uint64_t word_of_column(const std::uint64_t* column, int n, int w, int shift) {
+  const int bit = 64 * w + shift, word = bit >> 6, offset = bit & 63;
+  const std::uint64_t low = word >= 0 && word < n ? column[word] >> offset : 0;
+  const std::uint64_t high = offset != 0 && word + 1 >= 0 && word + 1 < n ? column[word + 1] << (64 - offset) : 0;
+  return low | high;
+}
+
+// ORs what the first frame of `other` holds into every frame, as far as the windows overlap; their voxels are of one
+// edge.
+void add_first_frame(const Sogm& other, Sogm* sogm);
+
 // Visits the words of a column of `size` voxels that hold voxels whose centres lie in [low, high] (in voxels above the
 // window's first centre), each with their bits.
 template <class Visit>

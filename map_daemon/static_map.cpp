@@ -16,26 +16,21 @@ struct VoxelBox {
 };
 VoxelBox voxels_within(const octomap::OcTree::leaf_iterator& leaf, double resolution_m, double margin_m) {
   const Eigen::Array3d center(leaf.getX(), leaf.getY(), leaf.getZ());
-  const double half = leaf.getSize() / 2 + margin_m + 1e-9;  // rounding keeps exact contact inside
+  const double half = leaf.getSize() / 2 + margin_m - 1e-6;  // a wall that ends between two voxels does not grow
+  // (an edge of the tree is a float)
   return {((center - half) / resolution_m - 0.5).ceil(), ((center + half) / resolution_m - 0.5).floor()};
-}
-
-// Word `w` of `column` (`n` words, zeros around) shifted down by `shift` bits, of either sign.
-std::uint64_t shifted_word(const std::uint64_t* column, int n, int w, int shift) {
-  const int bit = 64 * w + shift, word = bit >> 6, offset = bit & 63;
-  const std::uint64_t low = word >= 0 && word < n ? column[word] >> offset : 0;
-  const std::uint64_t high = offset != 0 && word + 1 >= 0 && word + 1 < n ? column[word + 1] << (64 - offset) : 0;
-  return low | high;
 }
 
 }  // namespace
 
-StaticMap::StaticMap(const std::string& path, double resolution_m, double margin_m) {
-  const std::unique_ptr<octomap::OcTree> tree = read_octomap(path);
+StaticMap::StaticMap(const std::string& path, double resolution_m, double margin_m)
+    : StaticMap(*read_octomap(path), path, resolution_m, margin_m) {}
+
+StaticMap::StaticMap(const octomap::OcTree& tree, const std::string& path, double resolution_m, double margin_m) {
   std::vector<VoxelBox> boxes;
   Eigen::Array3d low = Eigen::Array3d::Constant(std::numeric_limits<double>::max()), high = -low;
-  for (auto leaf = tree->begin_leafs(); leaf != tree->end_leafs(); ++leaf) {
-    if (!tree->isNodeOccupied(*leaf)) continue;
+  for (auto leaf = tree.begin_leafs(); leaf != tree.end_leafs(); ++leaf) {
+    if (!tree.isNodeOccupied(*leaf)) continue;
     const VoxelBox box = voxels_within(leaf, resolution_m, margin_m);
     if ((box.first > box.last).any()) continue;  // holds no centre
     low = low.min(box.first);
@@ -65,24 +60,30 @@ StaticMap::StaticMap(const std::string& path, double resolution_m, double margin
   }
 }
 
-void StaticMap::copy_into(Sogm* sogm) const {
-  const GridGeometry &from = grid_.geometry, &to = sogm->geometry;
-  if (sogm->num_frames == 0) return;
-  const Eigen::Vector3i shift = to.origin - from.origin;  // window index + shift = index here
-  const int tail = to.size.z() % 64, words = to.words_per_column();
-  const std::uint64_t top_mask = tail == 0 ? ~std::uint64_t{0} : (std::uint64_t{1} << tail) - 1;
-  const int y_end = std::min(to.size.y(), from.size.y() - shift.y());
-  for (int x = std::max(0, -shift.x()); x < std::min(to.size.x(), from.size.x() - shift.x()); ++x) {
-    for (int y = std::max(0, -shift.y()); y < y_end; ++y) {
-      const std::uint64_t* source = grid_.column(0, x + shift.x(), y + shift.y());
-      for (int w = 0; w < words; ++w) {
-        std::uint64_t bits = shifted_word(source, from.words_per_column(), w, shift.z());
-        if (w == words - 1) bits &= top_mask;
-        if (bits == 0) continue;
-        for (int frame = 0; frame < sogm->num_frames; ++frame) sogm->column(frame, x, y)[w] |= bits;
-      }
+bool StaticMap::meets(const Eigen::Vector3d& place, double radius_m) const {
+  const GridGeometry& grid = grid_.geometry;
+  if ((grid.size.array() <= 0).any()) return false;
+  const double radius = radius_m / grid.resolution_m;
+  const Eigen::Vector3d at = place / grid.resolution_m - grid.origin.cast<double>();  // in voxels from the corner
+  const Eigen::Vector2i low = (at.head<2>().array() - radius).floor().max(0).matrix().cast<int>();
+  const Eigen::Vector2i high =
+      (at.head<2>().array() + radius).floor().min(grid.size.head<2>().cast<double>().array() - 1).matrix().cast<int>();
+  for (int x = low.x(); x <= high.x(); ++x) {
+    const double dx = std::max({x - at.x(), at.x() - (x + 1), 0.0});
+    for (int y = low.y(); y <= high.y(); ++y) {
+      const double dy = std::max({y - at.y(), at.y() - (y + 1), 0.0});
+      const double high2 = radius * radius - dx * dx - dy * dy;
+      if (high2 <= 0.0) continue;
+      // Cubes [z, z + 1] that overlap (at.z - half, at.z + half).
+      const double half = std::sqrt(high2);
+      const std::uint64_t* column = grid_.column(0, x, y);
+      std::uint64_t any = 0;
+      for_each_word_of_run(std::floor(at.z() - half), std::ceil(at.z() + half) - 1.0, grid.size.z(),
+                           [&](int word, std::uint64_t bits) { any |= column[word] & bits; });
+      if (any != 0) return true;
     }
   }
+  return false;
 }
 
 }  // namespace swarm

@@ -1,6 +1,8 @@
 // The static layer of the SOGM: an OctoMap file turned once into a bit grid on the world lattice.
 #pragma once
 
+#include <octomap/OcTree.h>
+
 #include <cstdint>
 #include <string>
 
@@ -15,7 +17,10 @@ class StaticMap {
   // mapping time is left to the live obstacles.
   // Throws std::runtime_error, one line that names the file, when it is missing, damaged, not an OcTree, or would need
   // more than kMaxBytes at this resolution.
+  StaticMap() = default;  // an empty one
   StaticMap(const std::string& path, double resolution_m, double margin_m);
+  // The same of a tree that was read from there.
+  StaticMap(const octomap::OcTree& tree, const std::string& path, double resolution_m, double margin_m);
 
   static constexpr std::int64_t kMaxBytes = std::int64_t{1} << 29;
 
@@ -24,8 +29,12 @@ class StaticMap {
   // `voxel` is counted from geometry().origin.
   bool occupied(const Eigen::Vector3i& voxel) const { return grid_.occupied(0, voxel); }
 
+  // Whether an occupied voxel, the whole cube, comes closer than `radius_m` to `place` (W [m]). Of a map at the file's
+  // own resolution and without a margin the cubes are those of the file.
+  bool meets(const Eigen::Vector3d& place, double radius_m) const;
+
   // ORs what lies in the window into every frame. `sogm` must have the same resolution.
-  void copy_into(Sogm* sogm) const;
+  void copy_into(Sogm* sogm) const { add_first_frame(grid_, sogm); }
 
  private:
   Sogm grid_;  // one frame

@@ -2,10 +2,13 @@
 
 #include <algorithm>
 
+#include "planner_daemon/space/first_touch.h"
+
 namespace swarm {
 namespace {
 
 constexpr Duration kStaticHeuristicAge = 250ms, kSpaceTimeHeuristicAge = 75ms;
+constexpr Duration kClearStep = 20ms;
 constexpr double kKeepBonus_s = 0.05;  // of the motion already flown where the search got stuck
 constexpr double kGraze = 0.2;         // a violation so small, or so far ahead, is not worth giving up a plan
 constexpr double kWorthwhile = 3.0;    // an escape must violate so much less to be worth its rough flight
@@ -52,11 +55,12 @@ const char* to_string(PlanStep step) {
 Planner::Planner(const PlannerConfig& config, Stopwatch stopwatch)
     : config_(with_reserve(config)),
       stopwatch_(std::move(stopwatch)),
-      space_(config.space),
+      space_(config.space, config.map.static_map),
+      guidance_(config.map, config.space.blocked_m(), config.limits.space_min, config.limits.space_max),
       search_(config_.limits, config.search),
       escape_search_(config_.limits, escape_options(config_.limits, config.search)),
       escape_piece_(escape_options(config_.limits, config.search).piece),
-      corridor_builder_(config.limits.space_min, config.limits.space_max, config.corridor) {
+      corridor_builder_(config.corridor) {
   for (int pieces = 1; pieces <= config.search.num_pieces; ++pieces) {
     optimizers_.emplace_back(5, std::vector<double>(static_cast<std::size_t>(pieces), to_seconds(config.search.piece)));
   }
@@ -136,8 +140,14 @@ void Planner::build_heuristics(const PlanRequest& request) {
   const SearchLimits& limits = config_.limits;
   const double blocked_m = config_.space.blocked_m();
   if (!static_key_.serves(request, kStaticHeuristicAge)) {  // what stands still changes slowly
-    static_heuristic_.build(space_.compose_standing(*request.peers), blocked_m, request.goal, limits.space_min.z(),
-                            limits.space_max.z());
+    const Occupancy standing = space_.compose_standing(*request.peers);
+    if (!request.is_aside) guidance_.update(*request.sogm, *standing.sogm, request.goal);
+    const Guidance* guidance = request.is_aside ? nullptr : &guidance_;
+    static_heuristic_.build(standing, blocked_m, request.goal, limits.space_min.z(), limits.space_max.z(), guidance);
+    if (static_heuristic_.is_cut_off()) {  // by peers that hover in the way: they may go on
+      static_heuristic_.build({standing.sogm, nullptr}, blocked_m, request.goal, limits.space_min.z(),
+                              limits.space_max.z(), guidance);
+    }
     static_key_ = cache_key(request);
   }
   space_time_heuristic_.build(space_.occupancy(), blocked_m, &static_heuristic_, reachable_, request.goal,
@@ -146,6 +156,7 @@ void Planner::build_heuristics(const PlanRequest& request) {
 }
 
 SearchStatus Planner::search(const PlanRequest& request) {
+  guidance_.work();
   if (!space_time_key_.serves(request, kSpaceTimeHeuristicAge)) build_heuristics(request);
   SearchProblem& problem = search_problem_;
   problem = {request.own.at(request.start_utime),
@@ -177,8 +188,8 @@ bool Planner::grow_corridors(const PlanRequest& request) {
     const Utime from = request.start_utime + k * config_.search.piece;
     const ControlPoints piece = quintic_control_points(path_.knots[piece_at], path_.knots[piece_at + 1], h);
     const FiriStatus status =
-        corridor_builder_.build(piece, space_.occupancy(), config_.space.blocked_m(), from, from + config_.search.piece,
-                                &spline_problem_.corridors[piece_at]);
+        corridor_builder_.build(piece, space_.occupancy(), config_.space.blocked_m(), search_.space(), from,
+                                from + config_.search.piece, &spline_problem_.corridors[piece_at]);
     if (status != FiriStatus::kGrown) return false;
   }
   result_.corridors = spline_problem_.corridors;
@@ -197,8 +208,13 @@ bool Planner::optimize(const PlanRequest& request, Trajectory* smooth) {
   spline_problem_.v_max_mps =
       std::max({config_.limits.v_max_mps, start.velocity.cwiseAbs().maxCoeff(), drift.cwiseAbs().maxCoeff()});
   spline_problem_.a_max_mps2 = std::max(config_.limits.a_max_mps2, start.acceleration.cwiseAbs().maxCoeff());
-  if (optimizers_[static_cast<std::size_t>(n) - 1].solve(spline_problem_, &spline_solution_) != SplineStatus::kSolved)
-    return false;
+  // Away from the corridors' faces where that is possible.
+  SplineQp& optimizer = optimizers_[static_cast<std::size_t>(n) - 1];
+  shrink_corridors();
+  if (optimizer.solve(spline_problem_, &spline_solution_) != SplineStatus::kSolved) {
+    spline_problem_.corridors = result_.corridors;
+    if (optimizer.solve(spline_problem_, &spline_solution_) != SplineStatus::kSolved) return false;
+  }
   *smooth = Trajectory(0, request.start_utime, config_.search.piece, n);
   smooth->set_knot(0, start);
   for (int k = 1; k < n; ++k) {
@@ -207,6 +223,23 @@ bool Planner::optimize(const PlanRequest& request, Trajectory* smooth) {
   }
   smooth->set_knot(n, end);
   return true;
+}
+
+// By the margin, but not past what is fixed of the first and the last piece.
+void Planner::shrink_corridors() {
+  const double h = to_seconds(config_.search.piece);
+  const auto n = static_cast<std::size_t>(path_.num_pieces);
+  for (std::size_t k = 0; k < n; ++k) {
+    Polytope& polytope = spline_problem_.corridors[k];
+    const ControlPoints piece = quintic_control_points(path_.knots[k], path_.knots[k + 1], h);
+    for (int i = 0; i < polytope.num_faces(); ++i) {
+      const Eigen::Matrix<double, 1, 6> along = polytope.normals.row(i) * piece;
+      double least = polytope.offsets(i) - config_.corridor.margin_m;
+      if (k == 0) least = std::max(least, along.head<3>().maxCoeff());
+      if (k + 1 == n) least = std::max(least, along.tail<3>().maxCoeff());
+      polytope.offsets(i) = std::min(polytope.offsets(i), least);
+    }
+  }
 }
 
 bool Planner::is_within_limits(const Trajectory& trajectory) const {
@@ -241,7 +274,22 @@ void Planner::add_escape(const PlanRequest& request) {
   candidates_.push_back({Candidate::Kind::kEscape, to_trajectory(escape_path_, escape_piece_, request.start_utime)});
   for (Candidate& candidate : candidates_)
     candidate.violation_cost = escape_search_.violation_cost({candidate.trajectory, {}});
-  add_own_motion(request, escape_search_.violation_cost(request.own));
+  add_own_motion(request, keeps_clear(request) ? 0.0 : escape_search_.violation_cost(request.own));
+}
+
+// No obstacle blocks the own motion, and no peer is bound to meet it: what a peer merely plans it cannot commit.
+bool Planner::keeps_clear(const PlanRequest& request) const {
+  const Sogm& sogm = *request.sogm;
+  const Utime until = std::max(sogm.end_utime(), request.own.end_utime());
+  for (Utime t = request.start_utime; t < until; t += kClearStep) {
+    const Eigen::Vector3d place = request.own.at(t).position;
+    const Eigen::Vector3d middle = sogm.geometry.center_of(sogm.geometry.voxel_of(place));  // free space is of voxels
+    if (touches(sogm, sogm.frame_at(t), middle, config_.space.blocked_m())) return false;
+    for (const Peer& peer : *request.peers) {
+      if ((peer.motion.at(t).position - place).norm() < config_.space.blocked_m() + peer.radius_m) return false;
+    }
+  }
+  return true;
 }
 
 void Planner::add_own_motion(const PlanRequest& request, double violation_cost) {
@@ -260,7 +308,7 @@ void Planner::choose() {
       planned = &other;
   }
   const bool in_danger = path_.left_blocked || result_.search_status == SearchStatus::kPartial;
-  const double graze = in_danger ? 0.0 : kGraze;
+  const double graze = in_danger ? -1e-9 : kGraze;
   result_.fly = true;
   for (const Candidate& own : candidates_) {
     if (own.kind != Candidate::Kind::kOwn) continue;

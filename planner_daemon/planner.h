@@ -8,6 +8,7 @@
 #include "lcmtypes/bus/node_clock.h"
 #include "map_daemon/sogm.h"
 #include "planner_daemon/corridor/corridor.h"
+#include "planner_daemon/guidance/guidance.h"
 #include "planner_daemon/optimize/spline_qp.h"
 #include "planner_daemon/search/escape.h"
 #include "planner_daemon/search/kinodynamic_search.h"
@@ -21,6 +22,7 @@ struct PlannerConfig {
   ConfigurationSpaceOptions space;
   SearchLimits limits;  // flight space: of the robot's centre
   SearchOptions search;
+  GlobalMapOptions map;
   CorridorOptions corridor;
 };
 
@@ -29,6 +31,7 @@ struct PlanRequest {
   Motion own;                  // what this robot is bound to
   Utime start_utime{};         // the plan leaves the own motion here
   Eigen::Vector3d goal = Eigen::Vector3d::Zero();
+  bool is_aside = false;  // the goal is a place nearby beside the way: the way through the whole map stays as it is
   const std::vector<Peer>* peers = nullptr;
 };
 
@@ -73,7 +76,7 @@ class Planner {
  public:
   static constexpr double kUsableSpeed = 0.995;  // of v_max
 
-  // Throws std::invalid_argument with name, value and rule.
+  // Throws std::invalid_argument with name, value and rule, and what GlobalMap throws.
   explicit Planner(const PlannerConfig& config, Stopwatch stopwatch = nullptr);
 
   const PlanResult& plan(const PlanRequest& request);
@@ -101,6 +104,7 @@ class Planner {
   SearchStatus search(const PlanRequest& request);
   [[nodiscard]] bool grow_corridors(const PlanRequest& request);
   [[nodiscard]] bool optimize(const PlanRequest& request, Trajectory* smooth);
+  void shrink_corridors();
   bool is_within_limits(const Trajectory& trajectory) const;
   // Free and within the limits.
   bool is_flyable(const Trajectory& trajectory);
@@ -109,6 +113,7 @@ class Planner {
   // Two candidates more: the way out that violates least, and the own motion; and what all of them violate.
   void add_escape(const PlanRequest& request);
   void add_own_motion(const PlanRequest& request, double violation_cost);
+  bool keeps_clear(const PlanRequest& request) const;
   void choose();
   void lap(PlanStep step);
 
@@ -118,6 +123,7 @@ class Planner {
 
   ConfigurationSpace space_;
   ReachableSet reachable_;  // of the robot: all that the plan can touch
+  Guidance guidance_;
   StaticHeuristic static_heuristic_;
   SpaceTimeHeuristic space_time_heuristic_;
   CacheKey static_key_, space_time_key_;

@@ -43,6 +43,7 @@ void declare(OptionSet& options, PlannerNodeConfig& config) {
               "flight space of the robot's centre, lower corner");
   options.add("space-max", &planner.limits.space_max, -1e5, 1e5, "m",
               "flight space of the robot's centre, upper corner");
+  options.add("static-map", &planner.map.static_map, "OctoMap file (.bt or .ot) that leads to the goal; empty: none");
   options.add("piece-us", &planner.search.piece, 10ms, 10s, "duration of a motion primitive and trajectory piece");
   options.add("pieces", &planner.search.num_pieces, 2, Trajectory::kMaxPieces, "",
               "horizon in pieces, braking to rest included");
@@ -270,6 +271,17 @@ std::optional<Eigen::Vector3d> PlannerNode::place_apart(Utime utime) const {
   return {};
 }
 
+void PlannerNode::choose_goal(bool is_urgent) {
+  // Without a goal the robot holds its place, but steps aside like any other.
+  if (!hold_) hold_ = own_->at(own_->end_utime()).position;
+  request_.goal = goal_.value_or(*hold_);
+  std::optional<Eigen::Vector3d> aside = place_apart(request_.start_utime);
+  // A plan that must do without answers may meet others': it only steps aside.
+  if (is_urgent && commit_delay_.is_unanswered()) aside = own_->at(own_->end_utime()).position;
+  request_.is_aside = aside.has_value();
+  if (aside) request_.goal = *aside;
+}
+
 void PlannerNode::plan(Utime now, Outbox& outbox) {
   map_is_new_ = false;
   plan_.done(now);
@@ -278,17 +290,12 @@ void PlannerNode::plan(Utime now, Outbox& outbox) {
   request_.own = *own_;
   request_.start_utime = start_utime(now);
   const bool is_urgent = urgent_start_.has_value();
-  // Without a goal the robot holds its place, but steps aside like any other.
-  if (!hold_) hold_ = own_->at(own_->end_utime()).position;
-  request_.goal = goal_.value_or(*hold_);
-  if (const auto apart = place_apart(request_.start_utime)) request_.goal = *apart;
-  // A plan that must do without answers may meet others': it only steps aside.
-  if (is_urgent && commit_delay_.is_unanswered()) request_.goal = own_->at(own_->end_utime()).position;
   for (auto& [id, entry] : peers_) {
     entry.heard = std::min(entry.heard, now);
     peer_list_[entry.place].silent = now - entry.heard > kSilent;
   }
   request_.peers = &peer_list_;
+  choose_goal(is_urgent);
   newest_ = &planner_.plan(request_);
 
   ++plans_;

@@ -59,6 +59,8 @@ class PlannerNode : public Node {
   Utime start_utime(Utime now);  // of the next plan
   // A place farther from a peer beside which the robot rests, closer than plans may pass; none: there is no such peer.
   std::optional<Eigen::Vector3d> place_apart(Utime utime) const;
+  // Where to fly, the goal or a place aside, to the request.
+  void choose_goal(bool is_urgent);
   void plan(Utime now, Outbox& outbox);
   void publish_corridors(Utime now, Outbox& outbox);
   void publish_status(Utime now, std::int16_t state, Outbox& outbox);

@@ -36,7 +36,8 @@ void declare(OptionSet& set, CampaignOptions& options) {
   set.add("obstacles", &options.obstacles, 0, 500, "numbers of obstacles");
   set.add("trials", &options.trials, 1, 1'000'000, "", "seeds per task, environment and number of obstacles");
   set.add("first-seed", &options.first_seed, 0, 1'000'000'000, "", "seeds are this and the following");
-  set.add("worlds", &options.worlds, "flies these worlds instead: JSON lines, FILE.jsonl or FILE.jsonl.gz");
+  set.add("worlds", &options.worlds,
+          "flies these worlds instead: JSON lines, FILE.jsonl or FILE.jsonl.gz, or a directory of world files");
   set.add("shard", &options.shard, "i/n: only every n-th trial, from the i-th on (1 <= i <= n)");
   set.add("jobs", &options.jobs, 0, 1024, "", "flights at a time; 0: as many as there are cores");
   set.add("out", &options.out, "results (CSV); trials it already holds are skipped");
@@ -49,8 +50,8 @@ std::vector<Trial> all_trials(const CampaignOptions& options) {
   if (!options.worlds.empty()) {
     if (!options.worlds.ends_with(".jsonl") && !options.worlds.ends_with(".jsonl.gz"))
       throw OptionError("worlds: '" + options.worlds + "' must end in .jsonl or .jsonl.gz");
-    for (const WorldLine& line : read_world_lines(options.worlds))
-      trials.push_back(listed_trial(line.text, options.worlds + ":" + std::to_string(line.number)));
+    for (const ListedWorld& listed : read_listed_worlds(options.worlds))
+      trials.push_back(listed_trial(listed.text, listed.place));
     return trials;
   }
   std::set<std::string> names;

@@ -15,10 +15,6 @@ std::uint64_t ones_between(int first, int last) {
 
 }  // namespace
 
-CorridorBuilder::CorridorBuilder(const Eigen::Vector3d& space_min, const Eigen::Vector3d& space_max,
-                                 const CorridorOptions& options)
-    : space_min_(space_min), space_max_(space_max), options_(options) {}
-
 void CorridorBuilder::extract_surface(const Occupancy& occupancy, double blocked_m, int first_frame, int last_frame,
                                       const Eigen::Vector3d& lower, const Eigen::Vector3d& upper) {
   obstacles_.clear();
@@ -58,12 +54,14 @@ void CorridorBuilder::extract_surface(const Occupancy& occupancy, double blocked
   }
 }
 
-FiriStatus CorridorBuilder::build(const ControlPoints& piece, const Occupancy& occupancy, double blocked_m, Utime from,
-                                  Utime to, Polytope* polytope) {
+FiriStatus CorridorBuilder::build(const ControlPoints& piece, const Occupancy& occupancy, double blocked_m,
+                                  const Eigen::AlignedBox3d& space, Utime from, Utime to, Polytope* polytope) {
   const Eigen::Vector3d seed_min = piece.rowwise().minCoeff(), seed_max = piece.rowwise().maxCoeff();
-  // A seed that leaves the flight space (the robot comes back from outside) widens the box.
-  const Eigen::Vector3d lower = (seed_min.array() - options_.extent_m).matrix().cwiseMax(space_min_).cwiseMin(seed_min);
-  const Eigen::Vector3d upper = (seed_max.array() + options_.extent_m).matrix().cwiseMin(space_max_).cwiseMax(seed_max);
+  // A seed that leaves the space (the robot comes back from outside) widens the box.
+  const Eigen::Vector3d lower =
+      (seed_min.array() - options_.extent_m).matrix().cwiseMax(space.min()).cwiseMin(seed_min);
+  const Eigen::Vector3d upper =
+      (seed_max.array() + options_.extent_m).matrix().cwiseMin(space.max()).cwiseMax(seed_max);
   const Sogm& sogm = *occupancy.sogm;
   extract_surface(occupancy, blocked_m, sogm.frame_at(from), sogm.frame_at(to - 1us), lower, upper);
   FiriOptions firi;

@@ -2,7 +2,7 @@
 // piece is flown.
 #pragma once
 
-#include <Eigen/Core>
+#include <Eigen/Geometry>
 #include <cstdint>
 #include <vector>
 
@@ -14,7 +14,8 @@
 namespace swarm {
 
 struct CorridorOptions {
-  double extent_m = 0.6;  // a polytope extends this far beyond its piece's control points
+  double extent_m = 0.6;   // a polytope extends this far beyond its piece's control points
+  double margin_m = 0.05;  // the trajectory keeps away from the faces where it can
   double log_volume_gap = FiriOptions().log_volume_gap;  // see there
 };
 
@@ -22,12 +23,13 @@ struct CorridorOptions {
 // corridor and check share one definition of free space.
 class CorridorBuilder {
  public:
-  CorridorBuilder(const Eigen::Vector3d& space_min, const Eigen::Vector3d& space_max, const CorridorOptions& options);
+  explicit CorridorBuilder(const CorridorOptions& options) : options_(options) {}
 
-  // Polytope around `piece`, flown during [from, to], that holds all its control points. Obstacles are the voxels
-  // within `blocked_m` of what is occupied. kSeedBlocked when the centre of one lies in the hull of the control points.
-  [[nodiscard]] FiriStatus build(const ControlPoints& piece, const Occupancy& occupancy, double blocked_m, Utime from,
-                                 Utime to, Polytope* polytope);
+  // Polytope around `piece`, flown during [from, to], that holds all its control points, within `space`. Obstacles are
+  // the voxels within `blocked_m` of what is occupied. kSeedBlocked when the centre of one lies in the hull of the
+  // control points.
+  [[nodiscard]] FiriStatus build(const ControlPoints& piece, const Occupancy& occupancy, double blocked_m,
+                                 const Eigen::AlignedBox3d& space, Utime from, Utime to, Polytope* polytope);
 
   // Centres of the voxels of the newest build's obstacles, a voxel's edge apart: the surface of the union over its
   // frames.
@@ -37,7 +39,6 @@ class CorridorBuilder {
   void extract_surface(const Occupancy& occupancy, double blocked_m, int first_frame, int last_frame,
                        const Eigen::Vector3d& lower, const Eigen::Vector3d& upper);
 
-  Eigen::Vector3d space_min_, space_max_;
   CorridorOptions options_;
   Firi firi_;
   Dilator dilator_;

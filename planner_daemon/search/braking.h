@@ -16,6 +16,7 @@ struct BrakeSample {
   std::size_t word;           // of the maps' layers
   std::uint64_t blocked_bit;  // in it; 0: free
   bool strays;                // leaves the flight space
+  bool meets_wall;
 };
 template <class Visit>
 void brake(const SearchContext& context, const SearchNode& node, SearchPath* path, const Visit& visit) {
@@ -45,7 +46,8 @@ void brake(const SearchContext& context, const SearchNode& node, SearchPath* pat
         const auto word = static_cast<std::size_t>(first_words[at] + x.offset[at] + y.offset[at] + z.offset[at]);
         goes_on = visit(BrakeSample{context.utime_of_sample(node.depth + k, i), tau_s / primitives.num_samples(), word,
                                     blocked.words[word] & x.in_window[at] & y.in_window[at] & z.in_window[at],
-                                    ((x.strays | y.strays | z.strays) >> i & 1u) != 0});
+                                    ((x.strays | y.strays | z.strays) >> i & 1u) != 0,
+                                    space.meets_wall(x.half[at], y.half[at], z.half[at])});
       }
     }
     state = primitives.propagate(state, a);
@@ -67,7 +69,7 @@ void brake(const SearchContext& context, const SearchNode& node, SearchPath* pat
     const Utime next = stays ? context.hover_until_utime : std::min(context.hover_until_utime, end);
     const auto word = static_cast<std::size_t>(frame * context.words_per_frame + column);
     goes_on = visit(BrakeSample{utime, to_seconds(next - utime), word,
-                                blocked.words[word] & std::uint64_t{1} << (voxel.z() & 63), false});
+                                blocked.words[word] & std::uint64_t{1} << (voxel.z() & 63), false, false});
     utime = next;
   }
 }
@@ -78,7 +80,7 @@ inline Utime brake_until_blocked(const SearchContext& context, const SearchNode&
   brake(context, node, path, [&](const BrakeSample& sample) {
     const double ahead_s = to_seconds(sample.utime - context.problem.start_utime);
     const bool leaves = context.start_blocked && ahead_s <= context.options.leave_s;
-    if ((sample.blocked_bit != 0 && !leaves) || sample.strays) first_blocked = sample.utime;
+    if (((sample.blocked_bit != 0 || sample.meets_wall) && !leaves) || sample.strays) first_blocked = sample.utime;
     return first_blocked == kNever;
   });
   return first_blocked;

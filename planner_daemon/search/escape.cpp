@@ -27,10 +27,11 @@ void EscapeSearch::hold(std::int32_t index) {
 double EscapeSearch::brake_violation(const SearchNode& node, SearchPath* path) const {
   double violation = 0.0;
   brake(context_, node, path, [&](const BrakeSample& sample) {
-    if (sample.blocked_bit != 0) {
+    if (sample.blocked_bit != 0 || sample.meets_wall) {
       const double ahead_s = to_seconds(sample.utime - context_.problem.start_utime);
-      violation += sample.duration_s *
-                   context_.blocked_cost(ahead_s, context_.problem.space->severity(sample.word, sample.blocked_bit));
+      const Severity severity =
+          sample.meets_wall ? Severity::kCollision : context_.problem.space->severity(sample.word, sample.blocked_bit);
+      violation += sample.duration_s * context_.blocked_cost(ahead_s, severity);
     }
     if (sample.strays) violation += kStrayCost;
     return !sample.strays;
@@ -73,14 +74,14 @@ void EscapeSearch::find(const SearchProblem& problem, SearchResult* result) {
 double EscapeSearch::violation_cost(const Motion& motion) const {
   double cost = 0.0;
   const Sogm& map = context_.problem.space->grid();
-  const SearchLimits& limits = context_.limits;
+  const Eigen::AlignedBox3d& space = context_.space;
   Eigen::Vector3d before = motion.at(context_.problem.start_utime).position;
   for (Utime t = context_.problem.start_utime; t < context_.hover_until_utime; t += kViolationStep) {
     const Eigen::Vector3d position = motion.at(t).position;
     const auto severity = context_.problem.space->severity_at(position, map.frame_at(t));
     if (severity) cost += context_.blocked_cost(to_seconds(t - context_.problem.start_utime), *severity);
     // As in the search: whoever is outside may only come back.
-    const Eigen::Array3d below = limits.space_min - position, above = position - limits.space_max;
+    const Eigen::Array3d below = space.min() - position, above = position - space.max();
     const Eigen::Array3d moved = position - before;
     if ((below > kRounding_m && moved < 0.0).any() || (above > kRounding_m && moved > 0.0).any()) return kStrayCost;
     before = position;

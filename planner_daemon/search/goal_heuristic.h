@@ -18,8 +18,9 @@ class GoalHeuristic {
   };
 
   void set(const SearchProblem& problem, double v_max_mps, double a_max_mps2) {
-    goal_ = problem.goal;
     delays_ = problem.heuristic;
+    target_ = delays_ != nullptr ? delays_->target() : problem.goal;
+    rest_s_ = delays_ != nullptr ? delays_->rest_s() : 0.0;
     v_max_mps_ = v_max_mps;
     a_max_mps2_ = a_max_mps2;
   }
@@ -47,15 +48,16 @@ class GoalHeuristic {
 
  private:
   double axis_time(int axis, double position, double velocity) const {
-    return min_time_to_rest(goal_[axis] - position, velocity, v_max_mps_, a_max_mps2_);
+    return min_time_to_rest(target_[axis] - position, velocity, v_max_mps_, a_max_mps2_);
   }
   // The slowest axis decides, the others break ties.
-  static double straight(double x_s, double y_s, double z_s) {
+  double straight(double x_s, double y_s, double z_s) const {
     const double longest = std::max({x_s, y_s, z_s});
-    return longest + 0.05 * (x_s + y_s + z_s - longest);
+    return rest_s_ + longest + 0.05 * (x_s + y_s + z_s - longest);
   }
 
-  Eigen::Vector3d goal_ = Eigen::Vector3d::Zero();
+  Eigen::Vector3d target_ = Eigen::Vector3d::Zero();
+  double rest_s_ = 0.0;
   const SpaceTimeHeuristic* delays_ = nullptr;
   double v_max_mps_ = 1.0, a_max_mps2_ = 1.0;
 };

@@ -34,6 +34,7 @@ Utime GoalShot::goal_open_from() const {
 
 bool GoalShot::shoot(const SearchNode& node, SearchPath* path) {
   const SearchLimits& limits = context_.limits;
+  const Eigen::AlignedBox3d& space = context_.space;
   const Sogm& map = context_.problem.space->grid();
   const double tau_s = context_.primitives.tau_s();
   const MotionState start = node.state.motion();
@@ -65,8 +66,8 @@ bool GoalShot::shoot(const SearchNode& node, SearchPath* path) {
       const Eigen::Vector3d position = bezier_position(whole, s);
       const Utime utime = context_.utime_of_sample(node.depth, i - 1);
       ok = !context_.problem.space->recently_occupied_at(position, map.frame_at(utime)) &&
-           (position.array() >= limits.space_min.array() - 1e-6).all() &&
-           (position.array() <= limits.space_max.array() + 1e-6).all();
+           (position.array() >= space.min().array() - 1e-6).all() &&
+           (position.array() <= space.max().array() + 1e-6).all();
     }
     if (!ok) continue;
     path->num_pieces = node.depth + pieces;

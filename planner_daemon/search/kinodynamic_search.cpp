@@ -19,7 +19,8 @@ KinodynamicSearch::KinodynamicSearch(const SearchLimits& limits, const SearchOpt
     : context_(limits, options, BlockedSpace::kForbidden),
       tree_(context_),
       shot_(context_),
-      closed_(static_cast<std::size_t>(options.max_expansions) * 4) {
+      closed_(static_cast<std::size_t>(options.max_expansions) * 4),
+      cell_mps_(std::min(options.cell_mps, 0.15 * limits.a_max_mps2)) {
   open_.reserve(tree_.capacity());
   expanded_.reserve(static_cast<std::size_t>(options.max_expansions));
 }
@@ -33,7 +34,7 @@ bool KinodynamicSearch::seen_before(const SearchNode& node) {
   std::uint64_t key = mix(slow ? 1 : 0, node.depth);
   for (int axis = 0; axis < 3; ++axis) {
     key = mix(key, nearest(node.state.position[axis] / options.cell_m * refine));
-    key = mix(key, nearest(node.state.velocity[axis] / options.cell_mps * refine));
+    key = mix(key, nearest(node.state.velocity[axis] / cell_mps_ * refine));
   }
   return !closed_.insert(key);
 }

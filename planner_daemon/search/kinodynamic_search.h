@@ -22,6 +22,8 @@ class KinodynamicSearch {
 
   SearchStatus find(const SearchProblem& problem, SearchResult* result);
 
+  // Of the problem last searched: what the path does not leave.
+  const Eigen::AlignedBox3d& space() const { return context_.space; }
   // Of the problem last searched: time to the goal, but for accelerations, of a robot that comes to rest there [s].
   double time_to_goal(const Eigen::Vector3d& position) const {
     return context_.heuristic.time_to_goal_at_rest(position);
@@ -40,6 +42,7 @@ class KinodynamicSearch {
   OpenList open_;
   ClosedList closed_;
   std::vector<std::int32_t> expanded_;
+  double cell_mps_;  // of the closed list
 };
 
 }  // namespace swarm

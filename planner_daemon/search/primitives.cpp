@@ -50,7 +50,7 @@ int Primitives::brake_pieces(const SearchLimits& limits, Duration piece) {
   return static_cast<int>(std::ceil(limits.v_max_mps / (to_seconds(piece) * kUsable * limits.a_max_mps2))) + 1;
 }
 
-void Primitives::lay_out(const GridGeometry& grid) {
+void Primitives::lay_out(const GridGeometry& grid, const Eigen::AlignedBox3d& space) {
   const double longest_m = limits_.v_max_mps * tau_s_;  // of a primitive, along an axis
   const double blocks = std::ceil(longest_m / (kBlockSamples * grid.resolution_m));
   const int num_samples = kBlockSamples * static_cast<int>(std::clamp<double>(blocks, 1, kMaxBlocks));
@@ -67,8 +67,8 @@ void Primitives::lay_out(const GridGeometry& grid) {
   for (int axis = 0; axis < 3; ++axis) {
     const int words = axis == 0 ? grid.size.y() * grid.words_per_column() : axis == 1 ? grid.words_per_column() : 1;
     axes_[static_cast<std::size_t>(axis)] = {
-        1.0 / grid.resolution_m,           grid.origin[axis],       grid.size[axis],        axis == 2 ? 6 : 0, words,
-        axis == 2 ? 0 : ~std::uint64_t{0}, limits_.space_min[axis], limits_.space_max[axis]};
+        2.0 / grid.resolution_m,           grid.origin[axis], grid.size[axis],  axis == 2 ? 6 : 0, words,
+        axis == 2 ? 0 : ~std::uint64_t{0}, space.min()[axis], space.max()[axis]};
   }
 }
 
@@ -85,7 +85,9 @@ SWARM_WIDE void Primitives::place(const SampleWeights& weights, int num_samples,
     std::uint64_t* in_window = out->in_window.data() + first;
     position[0] = before;
     for (std::size_t i = 0; i < kBlockSamples; ++i) position[i + 1] = p + wv[i] * v + wa0[i] * a + wa1[i] * a1;
-    for (std::size_t i = 0; i < kBlockSamples; ++i) voxel[i] = floor_of(position[i + 1] * grid.per_m) - grid.origin;
+    std::int32_t* half = out->half.data() + first;
+    for (std::size_t i = 0; i < kBlockSamples; ++i) half[i] = floor_of(position[i + 1] * grid.halves_per_m);
+    for (std::size_t i = 0; i < kBlockSamples; ++i) voxel[i] = (half[i] >> 1) - grid.origin;
     if (first == 0) out->low = out->high = voxel[0];
     for (std::size_t i = 0; i < kBlockSamples; ++i) {
       out->low = std::min(out->low, voxel[i]);

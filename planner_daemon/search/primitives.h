@@ -24,6 +24,7 @@ struct AxisSamples {
   std::uint32_t strays;    // bit i: sample i leaves the flight space; a robot outside may only come back
   // x, y: what sample i adds to the index of a word of the map; z: its word
   std::array<std::int32_t, kMaxSamples> offset;
+  std::array<std::int32_t, kMaxSamples> half;  // index along the axis of W, in halves of voxels
   // x, y: all ones inside the window, else 0; z: the sample's bit, or 0
   std::array<std::uint64_t, kMaxSamples> in_window;
 };
@@ -52,8 +53,9 @@ class Primitives {
   int brake_pieces() const { return brake_pieces_; }
   int max_depth() const { return max_depth_; }  // primitives before braking
 
-  // From now on samples are placed in maps of this window: kBlockSamples or a multiple of it in each primitive.
-  void lay_out(const GridGeometry& grid);
+  // From now on samples are placed in maps of this window: kBlockSamples or a multiple of it in each primitive. None
+  // leaves `space`, W [m].
+  void lay_out(const GridGeometry& grid, const Eigen::AlignedBox3d& space);
   int num_samples() const { return num_samples_; }
 
   // What an axis may do from a node on: the strongest accelerations either way that leave the speed limit within reach,
@@ -69,8 +71,8 @@ class Primitives {
   struct SampleWeights {  // position after each sample's time: p + v * .. + a0 * .. + a1 * ..
     std::array<double, kMaxSamples> v, a0, a1;
   };
-  struct AxisGrid {  // an axis of the maps and of the flight space
-    double per_m;    // voxels
+  struct AxisGrid {       // an axis of the maps and of the flight space
+    double halves_per_m;  // halves of voxels
     std::int32_t origin, size;
     int shift, stride;          // voxels to words of the map; along z voxels are bits of words
     std::uint64_t whole_words;  // x, y: all ones; z: 0, for voxels are bits

@@ -33,7 +33,8 @@ SearchContext::SearchContext(const SearchLimits& limits_in, const SearchOptions&
 void SearchContext::set(const SearchProblem& problem_in) {
   problem = problem_in;
   const Sogm& map = problem.space->grid();
-  primitives.lay_out(map.geometry);
+  space = Eigen::AlignedBox3d(limits.space_min, limits.space_max).intersection(problem.space->known());
+  primitives.lay_out(map.geometry, space);
   heuristic.set(problem, limits.v_max_mps, primitives.a_usable_mps2());
   hover_until_utime = std::max(utime_at(options.num_pieces), map.end_utime());
   start_blocked = problem.space->blocked_at(problem.start.position, map.frame_at(problem.start_utime));

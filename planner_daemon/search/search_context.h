@@ -49,6 +49,7 @@ struct SearchContext {
 
   SearchProblem problem;
   GoalHeuristic heuristic;
+  Eigen::AlignedBox3d space;  // that paths must not leave: the flight space, as far as the map goes, W [m]
   bool start_blocked = false;
   Utime hover_until_utime{};                                       // end of horizon and map
   int words_per_frame = 0;                                         // of the maps

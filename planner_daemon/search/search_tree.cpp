@@ -14,7 +14,11 @@ void SearchTree::plant() {
   const MotionState& start = context_.problem.start;
   SearchNode root;
   root.state = {start.position, start.velocity, start.acceleration};
-  root.time_to_goal_s = context_.heuristic.straight_time_to_goal(start.position, start.velocity);
+  const int step = context_.heuristic.step_at(context_.problem.start_utime);
+  const auto term = [&](int axis) {
+    return context_.heuristic.axis_term(step, axis, start.position[axis], start.velocity[axis]);
+  };
+  root.time_to_goal_s = context_.heuristic.time_to_goal(step, term(0), term(1), term(2));
   nodes_.clear();
   nodes_.push_back(root);
 }
@@ -69,7 +73,8 @@ void SearchTree::look_up(const ConfigurationSpace::Layers& layers, const AxisSam
   }
 }
 
-double SearchTree::layer_cost(const SampleWords& words, const AxisSamples& z, int depth) const {
+double SearchTree::layer_cost(const SampleWords& words, const AxisSamples& x, const AxisSamples& y,
+                              const AxisSamples& z, int depth) const {
   const int num_samples = context_.primitives.num_samples();
   const auto any = [&](const std::array<std::uint64_t, kMaxSamples>& layer) {
     std::uint64_t bits = 0;
@@ -92,6 +97,16 @@ double SearchTree::layer_cost(const SampleWords& words, const AxisSamples& z, in
                                     context_.problem.space->severity(words.index[sample], bit));
     }
   }
+  if (context_.problem.space->has_walls()) {
+    for (int i = 0; i < num_samples; ++i) {
+      const auto sample = static_cast<std::size_t>(i);
+      if ((words.inflation[sample] & z.in_window[sample]) == 0 ||
+          !context_.problem.space->meets_wall(x.half[sample], y.half[sample], z.half[sample]))
+        continue;
+      if (!context_.may_be_blocked(depth, i)) return -1.0;
+      cost += context_.blocked_cost((depth + (i + 1.0) / num_samples) * tau_s, Severity::kCollision);
+    }
+  }
   int inflation = 0, recently_occupied = 0;
   for (std::size_t first = 0; first < static_cast<std::size_t>(num_samples); first += kBlockSamples) {
     for (std::size_t i = first; i < first + kBlockSamples; ++i) {
@@ -110,7 +125,7 @@ std::int32_t SearchTree::add_child(std::int32_t index, const Axes& axes, const C
   const AxisOption &x = xs.options.option[choice[0]], &y = ys.options.option[choice[1]];
   const AxisOption& z = zs.options.option[choice[2]];
   const SearchNode& node = nodes_[static_cast<std::size_t>(index)];
-  const double layers = layer_cost(words, z.samples, node.depth);
+  const double layers = layer_cost(words, x.samples, y.samples, z.samples, node.depth);
   if (layers < 0.0) return -1;
   SearchNode child;
   child.state = {{x.position, y.position, z.position},

@@ -70,7 +70,8 @@ class SearchTree {
   void look_up(const ConfigurationSpace::Layers& layers, const AxisSamples& x, const AxisSamples& y,
                const AxisSamples& z, int depth, SampleWords* words) const;
   // Cost of the layers one primitive passes; negative when it is blocked.
-  double layer_cost(const SampleWords& words, const AxisSamples& z, int depth) const;
+  double layer_cost(const SampleWords& words, const AxisSamples& x, const AxisSamples& y, const AxisSamples& z,
+                    int depth) const;
   // -1 when it is blocked, or there is no room.
   std::int32_t add_child(std::int32_t index, const Axes& axes, const Choice& choice, const SampleWords& words);
 

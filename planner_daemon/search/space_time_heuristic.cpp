@@ -2,14 +2,13 @@
 
 #include <bit>
 #include <cmath>
-#include <limits>
 
 #include "map_daemon/wide.h"
 
 namespace swarm {
 namespace {
 
-constexpr std::int16_t kLongest = 15'000;  // [ticks], any way after the last frame
+constexpr std::int16_t kLongest = 26'000;  // [ticks], any way after the last frame
 constexpr int kMostSteps = 200;            // however fast the robot and long the map: bounded memory
 
 // The least of each value and its neighbours `step` before and after.
@@ -18,24 +17,20 @@ SWARM_WIDE void least_of_three(const std::int16_t* __restrict in, std::size_t st
   for (std::size_t i = 0; i < n; ++i) out[i] = std::min(in[i], std::min(in[i - step], in[i + step]));
 }
 
-// The least of each value and those beside it, and `added`; no more than `far` and not below `rim`.
+// The least of each value and those beside it, and `added`; no more than `far` and not below `least` after `passed`.
 SWARM_WIDE void least_of_rows(const std::int16_t* a, const std::int16_t* b, const std::int16_t* c,
-                              const std::int16_t* __restrict added, const std::int16_t* __restrict rim,
-                              std::int16_t far, std::size_t n, std::int16_t* __restrict out) {
+                              const std::int16_t* __restrict added, const std::int16_t* __restrict least,
+                              std::int16_t passed, std::int16_t far, std::size_t n, std::int16_t* __restrict out) {
   for (std::size_t i = 0; i < n; ++i) {
     const auto sum = static_cast<std::int16_t>(std::min(a[i], std::min(b[i], c[i])) + added[i]);
-    out[i] = std::max(std::min(sum, far), rim[i]);
+    out[i] = std::max(std::min(sum, far), static_cast<std::int16_t>(least[i] + passed));
   }
 }
 
-// The largest one of the straight ways and of `steps` around what stands still, after `passed` ticks.
-SWARM_WIDE void finish_row(const std::int16_t* __restrict straight, std::int16_t side,
-                           const std::int16_t* __restrict steps, std::int16_t ticks_per_step, std::int16_t passed,
-                           std::size_t n, std::int16_t* __restrict out) {
-  for (std::size_t i = 0; i < n; ++i) {
-    const auto around = static_cast<std::int16_t>(steps[i] * ticks_per_step);
-    out[i] = static_cast<std::int16_t>(std::max(std::max(straight[i], side), around) + passed);
-  }
+// The ways after `passed` ticks.
+SWARM_WIDE void add_passed(const std::int16_t* __restrict ways, std::int16_t passed, std::int16_t far, std::size_t n,
+                           std::int16_t* __restrict out) {
+  for (std::size_t i = 0; i < n; ++i) out[i] = std::min(static_cast<std::int16_t>(ways[i] + passed), far);
 }
 
 SWARM_WIDE void add_to_all(std::int16_t penalty, std::int16_t far, std::size_t n, std::int16_t* out) {
@@ -69,6 +64,14 @@ void SpaceTimeHeuristic::build(const Occupancy& occupancy, double blocked_m, con
                                const ReachableSet& reachable, const Eigen::Vector3d& goal,
                                const Eigen::Vector3d& space_min, const Eigen::Vector3d& space_max) {
   const GridGeometry& grid = occupancy.sogm->geometry;
+  target_ = goal;
+  rest_ = 0;
+  if (static_heuristic != nullptr) {
+    if (const auto waypoint = static_heuristic->waypoint(reachable.center)) {
+      target_ = waypoint->position;
+      rest_ = StaticHeuristic::ticks_of(waypoint->cost, kTicksPerStep);
+    }
+  }
   lay_out(*occupancy.sogm, goal, reachable.speed_mps);
   limit_space(space_min.z(), space_max.z(), grid);
   dilator_.set(grid, blocked_m);
@@ -82,7 +85,8 @@ void SpaceTimeHeuristic::build(const Occupancy& occupancy, double blocked_m, con
     if (columns.empty()) continue;
     isolate(step + 1, {columns.first.array() - 1, columns.last.array() + 1});
     spread(step);
-    close(step, occupancy);
+    leave(step);
+    close(step, occupancy, static_heuristic);
   }
 }
 
@@ -111,6 +115,7 @@ void SpaceTimeHeuristic::lay_out(const Sogm& sogm, const Eigen::Vector3d& goal, 
   step_s_ = cell_m_ / speed_mps;
   tick_s_ = step_s_ / kTicksPerStep;
   start_utime_ = sogm.start_utime;
+  origin_ = grid.origin;
   corner_ = grid.origin.cast<double>() * grid.resolution_m;
   edge_ = grid.size.cast<double>() / kCellVoxels;
   const double horizon_s = to_seconds(sogm.num_frames * sogm.frame_duration);
@@ -123,15 +128,13 @@ void SpaceTimeHeuristic::lay_out(const Sogm& sogm, const Eigen::Vector3d& goal, 
     values_.assign(column(num_steps_, size_.x(), size_.y()) + 2 * stride_, kFar);
     along_z_.resize((static_cast<std::size_t>(size_.y()) + 2) * stride_);
     along_y_.resize(3 * along_z_.size());
-    rim_.resize(static_cast<std::size_t>(size_.y()) * stride_);
-    for (std::size_t i = 0; i < rim_.size(); ++i)
-      rim_[i] = i % stride_ < static_cast<std::size_t>(size_.z()) ? std::numeric_limits<Value>::min() : kFar;
+    around_.assign(around_of(size_.x(), 0), kFar);
   }
   for (int axis = 0; axis < 3; ++axis) {
     auto& straight = straight_[static_cast<std::size_t>(axis)];
     straight.resize(static_cast<std::size_t>(size_[axis]));
     for (int i = 0; i < size_[axis]; ++i) {
-      const double way_m = std::abs(goal[axis] - corner_[axis] - cell_m_ * (i + 0.5));
+      const double way_m = std::abs(target_[axis] - corner_[axis] - cell_m_ * (i + 0.5));
       straight[static_cast<std::size_t>(i)] =
           static_cast<Value>(std::min<double>(kLongest, std::round(way_m * inverse_cell_ * kTicksPerStep)));
     }
@@ -142,7 +145,7 @@ void SpaceTimeHeuristic::lay_out(const Sogm& sogm, const Eigen::Vector3d& goal, 
 void SpaceTimeHeuristic::limit_space(double low_z, double high_z, const GridGeometry& grid) {
   space_ = cells_between(corner_.z(), cell_m_, size_.z(), low_z, high_z);
   space_middles_.assign(static_cast<std::size_t>(grid.words_per_column()), 0);
-  shut_.assign(rim_.size(), 0);
+  shut_.assign(around_of(1, 0), 0);
   for (int z = 0; z < size_.z(); ++z) {
     if (space_.holds(z)) {
       const int voxel = middle_of(z);
@@ -153,27 +156,32 @@ void SpaceTimeHeuristic::limit_space(double low_z, double high_z, const GridGeom
   }
 }
 
-// After the last frame only what stands still is in the way.
+// What stands still is in the way at all times; after the last frame there is nothing else.
 void SpaceTimeHeuristic::finish(const StaticHeuristic* static_heuristic) {
   const auto passed = static_cast<Value>(num_steps_ * kTicksPerStep);
-  const Columns columns = boxes_.back().columns();
-  if (columns.empty()) return;
-  const auto num_z = static_cast<std::size_t>(size_.z());
-  const std::size_t n = static_cast<std::size_t>(columns.width()) * stride_;
-  straight_row_.assign(n, kFar);
-  around_.assign(n, -1);
-  for (int y = columns.first.y(); y <= columns.last.y(); ++y) {
-    Value* out = straight_row_.data() + static_cast<std::size_t>(y - columns.first.y()) * stride_;
-    for (std::size_t z = 0; z < num_z; ++z)
-      out[z] = std::max(straight_[1][static_cast<std::size_t>(y)], straight_[2][z]);
+  Columns columns{size_.head<2>(), Eigen::Vector2i::Constant(-1)};  // of all steps
+  for (const Box& box : boxes_) {
+    if (box.columns().empty()) continue;
+    columns.first = columns.first.cwiseMin(box.first.head<2>());
+    columns.last = columns.last.cwiseMax(box.last.head<2>());
   }
+  if (columns.empty()) return;
+  const std::size_t n = static_cast<std::size_t>(columns.width()) * stride_;
+  const bool has_ways = static_heuristic != nullptr && !static_heuristic->empty() && !static_heuristic->is_cut_off();
   for (int x = columns.first.x(); x <= columns.last.x(); ++x) {
-    if (static_heuristic != nullptr && !static_heuristic->empty())
-      static_heuristic->steps(corner_, x, columns.first.y(), columns.width(), size_.z(), stride_, around_.data());
-    Value* out = values_.data() + column(num_steps_, x, columns.first.y());
-    finish_row(straight_row_.data(), straight_[0][static_cast<std::size_t>(x)], around_.data(), kTicksPerStep, passed,
-               n, out);
-    for (int y = 0; y < columns.width(); ++y, out += stride_) std::fill(out + num_z, out + stride_, kFar);
+    Value *around = around_.data() + around_of(x, columns.first.y()),
+          *out = values_.data() + column(num_steps_, x, columns.first.y());
+    if (has_ways) {
+      static_heuristic->ticks(origin_, x, columns.first.y(), columns.width(), size_.z(), stride_, kTicksPerStep, kFar,
+                              around);
+    } else {
+      std::fill_n(around, n, kFar);
+      for (int y = columns.first.y(); y <= columns.last.y(); ++y) {
+        Value* way = around + static_cast<std::size_t>(y - columns.first.y()) * stride_;
+        for (int z = 0; z < size_.z(); ++z) way[z] = straight(x, y, z);
+      }
+    }
+    add_passed(around, passed, kFar, n, out);
   }
 }
 
@@ -196,13 +204,34 @@ void SpaceTimeHeuristic::spread(int step) {
     least_of_three(values_.data() + column(step + 1, x, first_y - 1), 1, n + 2 * stride_, along_z_.data());
     least_of_three(along_z_.data() + stride_, stride_, n, row(x));
     if (x <= box.first.x()) continue;
-    least_of_rows(row(x - 2), row(x - 1), row(x), shut_.data(), rim_.data(), kFar, n,
-                  values_.data() + column(step, x - 1, first_y));
+    least_of_rows(row(x - 2), row(x - 1), row(x), shut_.data(), around_.data() + around_of(x - 1, first_y),
+                  static_cast<Value>(step * kTicksPerStep), kFar, n, values_.data() + column(step, x - 1, first_y));
   }
 }
 
-// What a step adds to closed cells; at the goal the time stands still.
-void SpaceTimeHeuristic::close(int step, const Occupancy& occupancy) {
+// From the sides of the window the way goes on as if nothing moved.
+void SpaceTimeHeuristic::leave(int step) {
+  const Box& box = boxes_[static_cast<std::size_t>(step)];
+  const auto passed = static_cast<Value>(step * kTicksPerStep);
+  const auto go_on = [&](int x, int first_y, int last_y) {
+    if (x < box.first.x() || x > box.last.x()) return;
+    first_y = std::max(first_y, box.first.y());
+    last_y = std::min(last_y, box.last.y());
+    if (first_y > last_y) return;
+    add_passed(around_.data() + around_of(x, first_y), passed, kFar,
+               static_cast<std::size_t>(last_y - first_y + 1) * stride_, values_.data() + column(step, x, first_y));
+  };
+  go_on(0, 0, size_.y() - 1);
+  go_on(size_.x() - 1, 0, size_.y() - 1);
+  for (int x = 1; x < size_.x() - 1; ++x) {
+    go_on(x, 0, 0);
+    go_on(x, size_.y() - 1, size_.y() - 1);
+  }
+}
+
+// What a step adds to cells that something moving closes: what stands still is counted already. At the goal the time
+// stands still.
+void SpaceTimeHeuristic::close(int step, const Occupancy& occupancy, const StaticHeuristic* static_heuristic) {
   const Sogm& sogm = *occupancy.sogm;
   const Box& box = boxes_[static_cast<std::size_t>(step)];
   const Columns columns = box.columns();
@@ -220,13 +249,17 @@ void SpaceTimeHeuristic::close(int step, const Occupancy& occupancy) {
   for (int x = columns.first.x(); x <= columns.last.x(); ++x) {
     Value* out = values_.data() + column(step, x, columns.first.y());
     for (int y = columns.first.y(); y <= columns.last.y(); ++y, out += stride_) {
-      if (words == 1 && space_middles_[0] != 0 && (*closed & space_middles_[0]) == space_middles_[0]) {
-        add_to_all(kPenalty, kFar, static_cast<std::size_t>(space_.last - space_.first + 1), out + space_.first);
-        ++closed;
-        continue;
-      }
       for (std::size_t w = 0; w < words; ++w) {
-        for (std::uint64_t bits = *closed++ & space_middles_[w]; bits != 0; bits &= bits - 1) {
+        std::uint64_t bits = *closed++ & space_middles_[w];
+        if (bits != 0 && static_heuristic != nullptr) {
+          bits &= ~static_heuristic->blocked(origin_.x() + middle_of(x), origin_.y() + middle_of(y), origin_.z(),
+                                             static_cast<int>(w));
+        }
+        if (words == 1 && bits != 0 && bits == space_middles_[0]) {
+          add_to_all(kPenalty, kFar, static_cast<std::size_t>(space_.last - space_.first + 1), out + space_.first);
+          continue;
+        }
+        for (; bits != 0; bits &= bits - 1) {
           Value& value = out[(64 * w + static_cast<std::size_t>(std::countr_zero(bits))) / kCellVoxels];
           value = static_cast<Value>(std::min(value, kFar) + kPenalty);
         }

@@ -41,18 +41,24 @@ class SpaceTimeHeuristic {
     const Box& box = boxes_[static_cast<std::size_t>(step)];
     return index >= box.first[axis] && index <= box.last[axis] ? index : -1;
   }
-  // Detour or wait ahead of a point in that cell at the start of that step [s]; 0 for indices of -1 and where all that
-  // can follow is unknown.
+  // Detour or wait ahead of a point in that cell at the start of that step [s], compared with the straight way to the
+  // target and on from there; below 0 for one that need not go to the target. 0 for indices of -1, kNoWay_s where no
+  // way is known.
+  static constexpr double kNoWay_s = 3.0;
   double delay_s(int step, int x, int y, int z) const {
     if ((x | y | z) < 0) return 0.0;
     const Value value = values_[column(step, x, y) + static_cast<std::size_t>(z)];
-    return value < kFar ? std::max(0, value - step * kTicksPerStep - straight(x, y, z)) * tick_s_ : 0.0;
+    return value < kFar ? (value - step * kTicksPerStep - straight(x, y, z)) * tick_s_ : kNoWay_s;
   }
+  // Where the straight way leads: the goal, or a place on the way there; and how long it takes from there on [s].
+  const Eigen::Vector3d& target() const { return target_; }
+  double rest_s() const { return rest_ * tick_s_; }
 
  private:
   using Value = std::int16_t;  // [ticks]
   static constexpr int kTicksPerStep = 16;
-  static constexpr Value kFar = 30'000;  // beyond what is known, and the most that is told apart
+  // Beyond what is known, and the most that is told apart; all steps and their penalties more still fit.
+  static constexpr Value kFar = 29'000;
   static constexpr Value kPenalty = kClosedSteps * kTicksPerStep;
   struct Box {  // cells; the last ones included
     Eigen::Vector3i first = Eigen::Vector3i::Zero(), last = Eigen::Vector3i::Constant(-1);
@@ -63,9 +69,13 @@ class SpaceTimeHeuristic {
   std::size_t column(int step, int x, int y) const {  // a rim of far cells around each step
     return static_cast<std::size_t>((Eigen::Index{step} * (size_.x() + 2) + x + 1) * (size_.y() + 2) + y + 2) * stride_;
   }
+  std::size_t around_of(int x, int y) const {
+    return static_cast<std::size_t>(Eigen::Index{x} * size_.y() + y) * stride_;
+  }
   Value straight(int x, int y, int z) const {  // without anything in the way
-    return std::max({straight_[0][static_cast<std::size_t>(x)], straight_[1][static_cast<std::size_t>(y)],
-                     straight_[2][static_cast<std::size_t>(z)]});
+    return static_cast<Value>(
+        rest_ + std::max({straight_[0][static_cast<std::size_t>(x)], straight_[1][static_cast<std::size_t>(y)],
+                          straight_[2][static_cast<std::size_t>(z)]}));
   }
   void lay_out(const Sogm& sogm, const Eigen::Vector3d& goal, double speed_mps);
   void limit_space(double low_z, double high_z, const GridGeometry& grid);
@@ -73,25 +83,28 @@ class SpaceTimeHeuristic {
   Box reachable_cells(const ReachableSet& reachable, int step) const;
   void isolate(int step, const Columns& around);
   void spread(int step);
-  void close(int step, const Occupancy& occupancy);
+  void leave(int step);
+  void close(int step, const Occupancy& occupancy, const StaticHeuristic* static_heuristic);
 
   double cell_m_ = 0.3, inverse_cell_ = 1 / 0.3, step_s_ = 0.15, tick_s_ = 0.01;
   Utime start_utime_{};
   int num_steps_ = 0;
-  Eigen::Vector3d corner_ = Eigen::Vector3d::Zero();  // of the window, W [m]
+  Eigen::Vector3i origin_ = Eigen::Vector3i::Zero();  // of the window, in the lattice
+  Eigen::Vector3d corner_ = Eigen::Vector3d::Zero();  // W [m]
   Eigen::Vector3d edge_ = Eigen::Vector3d::Zero();    // of the window [cells]
   Eigen::Vector3i size_ = Eigen::Vector3i::Zero();    // cells
   Eigen::Vector3i goal_ = Eigen::Vector3i::Zero();    // cell
-  std::size_t stride_ = 0;                            // cells of a column, padded
-  std::vector<Box> boxes_;                            // by step: what is known
-  std::array<std::vector<Value>, 3> straight_;        // by axis and cell
-  CellSpan space_;                                    // of one column: inside the flight space
-  std::vector<std::uint64_t> space_middles_;          // of one column: bits of the cells' middle voxels inside it
-  std::vector<Value> shut_;                           // what a step adds to a row of cells outside the flight space
-  std::vector<Value> rim_;                            // of a row: kFar between the columns
-  std::vector<Value> values_;                         // step, x, y, z: when the goal is reached, after the first step
-  std::vector<Value> along_z_, along_y_;              // rows of a step
-  std::vector<Value> straight_row_, around_;  // of a row: the larger of two axes' ways; steps of the static_heuristic
+  Eigen::Vector3d target_ = Eigen::Vector3d::Zero();
+  int rest_ = 0;                                // [ticks]
+  std::size_t stride_ = 0;                      // cells of a column, padded
+  std::vector<Box> boxes_;                      // by step: what is known
+  std::array<std::vector<Value>, 3> straight_;  // by axis and cell
+  CellSpan space_;                              // of one column: inside the flight space
+  std::vector<std::uint64_t> space_middles_;    // of one column: bits of the cells' middle voxels inside it
+  std::vector<Value> shut_;                     // what a step adds to a row of cells outside the flight space
+  std::vector<Value> around_;  // x, y, z: least time to the goal around what stands still; kFar between the columns
+  std::vector<Value> values_;  // step, x, y, z: when the goal is reached, after the first step
+  std::vector<Value> along_z_, along_y_;  // rows of a step
   Dilator dilator_;
   std::vector<Layer> layers_;
   std::vector<std::uint64_t> closed_;  // columns of a step

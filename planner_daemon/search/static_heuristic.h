@@ -1,17 +1,20 @@
-// The static heuristic: lower bounds of the time to the goal around what stands still, so that the search does not run
-// into dead ends between the robot and its goal (the paper names the want of guidance as its weakness, section VI).
+// The static heuristic: the way to the goal around what stands still in the window, hovering peers among it, and on
+// from its edge by the guidance, so that the search does not run into dead ends between the robot and its goal (the
+// paper names the want of guidance as its weakness, section VI).
 #pragma once
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
+#include "planner_daemon/guidance/guidance.h"
 #include "planner_daemon/space/occupancy.h"
 
 namespace swarm {
 
 // Cells of the static and of the space-time heuristic: so many voxels along each edge, from the window's corner on. The
-// middle voxel stands for the cell: it lies inside the window, and where it is blocked, the cell is closed.
+// middle voxel lies inside the window.
 inline constexpr int kCellVoxels = 3;
 constexpr int middle_of(int cell) {
   return kCellVoxels * cell + kCellVoxels / 2;
@@ -30,50 +33,57 @@ CellSpan cells_between(double bottom_m, double cell_m, int num_cells, double low
 
 class StaticHeuristic {
  public:
-  // Breadth-first distances to `goal`, 64 cells at a time, among what lies within `blocked_m` of what is occupied in
-  // frame 0 of `standing`; a cell outside [space_min, space_max] is closed (z only: sideways the flight space is open
-  // in practice). Beyond the window everything counts as open. Empty when nothing stands still in the window.
+  // Least ways to `goal` from every voxel that is farther than `blocked_m` from what is occupied in frame 0 of
+  // `standing` and within [space_min_z, space_max_z] (sideways the flight space is open in practice). From the window's
+  // edge the way goes on as `guidance` knows it; null: straight. Empty when nothing stands in the way.
   void build(const Occupancy& standing, double blocked_m, const Eigen::Vector3d& goal, double space_min_z,
-             double space_max_z);
+             double space_max_z, const Guidance* guidance);
 
   // It knows nothing that a straight way does not.
   bool empty() const { return empty_; }
+  // The goal cannot be reached from where the robot, in the middle of the window, is.
+  bool is_cut_off() const { return is_cut_off_; }
 
-  // Least ways to the goal [steps of one cell, at most 900], as the largest of the axes' ways: below 0 in closed cells
-  // and where no way is known. Of cells (x, y, z) with y in `first_y` and the following num_y - 1, z in [0, num_z): to
-  // `out`, columns `stride` apart. Cells of a window like that of build() with the given corner (W [m]): a little later
-  // it has moved with the robot. Moved by a part of a cell, the nearest cells are taken.
-  void steps(const Eigen::Vector3d& corner, int x, int first_y, int num_y, int num_z, std::size_t stride,
-             std::int16_t* out) const;
+  // Where the way from `place` leads at first, when it is a detour of more than a metre: the last place on it that is
+  // seen from there past all that stands still.
+  struct Waypoint {
+    Eigen::Vector3d position;  // W [m]
+    int cost;                  // of Wavefront
+  };
+  std::optional<Waypoint> waypoint(const Eigen::Vector3d& place) const;
+
+  // Word `w` of the column of the lattice at (x, y), from the voxel `z` of the lattice on: what stands still is too
+  // close to these voxels. 0 beyond the window and where the goal cannot be reached.
+  std::uint64_t blocked(int x, int y, int z, int w) const {
+    x -= grid_.origin.x(), y -= grid_.origin.y();
+    if (empty_ || is_cut_off_ || x < 0 || y < 0 || x >= grid_.size.x() || y >= grid_.size.y()) return 0;
+    const int words = grid_.words_per_column();
+    return word_of_column(blocked_.data() + (Eigen::Index{x} * grid_.size.y() + y) * words, words, w,
+                          z - grid_.origin.z());
+  }
+
+  // Least ways to the goal [ticks, `per_cell` of them to a straight step of one cell], at most `far`, from the nearest
+  // voxel of each cell; `far` where there is none. Of cells (x, y, z) with y in `first_y` and the following num_y - 1,
+  // z in [0, num_z): to `out`, columns `stride` apart, with `far` in between. Cells of a window like that of build()
+  // that begins at `origin` of the lattice: a little later it has moved with the robot. Moved by a part of a cell, the
+  // least of the cells that overlap.
+  void ticks(const Eigen::Vector3i& origin, int x, int first_y, int num_y, int num_z, std::size_t stride, int per_cell,
+             std::int16_t far, std::int16_t* out) const;
+
+  static int ticks_of(int cost, int per_cell) { return cost * per_cell / (kCellVoxels * Wavefront::kStraight); }
 
  private:
-  struct Cells {
-    std::uint32_t word;  // of open_
-    std::uint64_t bits;
-  };
-  std::size_t column(int x, int y) const { return static_cast<std::size_t>(Eigen::Index{x} * size_.y() + y); }
-  std::size_t word(int x, int y, int w) const {
-    return column(x, y) * static_cast<std::size_t>(words_) + static_cast<std::size_t>(w);
-  }
-  bool open_space(const Occupancy& standing, double blocked_m, const CellSpan& space);
-  void seed(int x, int y, int w, std::uint64_t bits, const Eigen::Vector3d& goal);
-  void settle(std::uint32_t word, std::uint64_t bits, int steps);
-  void spread(const Cells& cells);
+  bool sees(const Eigen::Vector3d& from, const Eigen::Vector3d& to) const;  // in cells of the window
 
-  bool empty_ = true;
-  double cell_m_ = 0.3, inverse_cell_ = 1 / 0.3;
-  Eigen::Vector3d corner_ = Eigen::Vector3d::Zero();  // of the window, W [m]
-  Eigen::Vector3i size_ = Eigen::Vector3i::Zero();    // cells
-  int words_ = 0;                                     // of 64 cells per column
+  bool empty_ = true, is_cut_off_ = false;
+  GridGeometry grid_;                               // the window
+  Eigen::Vector3i goal_ = Eigen::Vector3i::Zero();  // voxel of the lattice
+  Eigen::Vector3i size_ = Eigen::Vector3i::Zero();  // cells
   Dilator dilator_;
   std::vector<Layer> layers_;
-  std::vector<std::uint64_t> closed_;      // columns of middle voxels
-  std::vector<std::uint64_t> open_;        // cells not reached yet
-  std::vector<std::uint64_t> pending_;     // cells that the next step reaches
-  std::vector<std::uint32_t> next_;        // words with pending cells
-  std::vector<Cells> front_;               // reached in this step
-  std::vector<std::vector<Cells>> seeds_;  // by steps
-  std::vector<std::int16_t> steps_;        // Chebyshev steps of one cell to the goal; -1 closed
+  std::vector<std::uint64_t> blocked_;  // columns
+  std::vector<std::uint64_t> inside_;   // of a column: within the flight space
+  Wavefront front_;
 };
 
 }  // namespace swarm

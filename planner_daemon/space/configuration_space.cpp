@@ -8,6 +8,7 @@ namespace swarm {
 namespace {
 
 constexpr int kTile = 4;                                      // columns along each edge of what is worked out or not
+constexpr double kWallInflation = 1.3;                        // voxels
 constexpr Duration kLongestStep = 10ms, kShortestStep = 1ms;  // of checks along a motion
 
 // A peer is occupied space: like an obstacle's voxels it counts by centres, so half a voxel comes on top.
@@ -38,7 +39,10 @@ void ConfigurationSpace::compose(const Sogm& sogm, const std::vector<Peer>& peer
   blocked_.dilator.set(sogm.geometry, options_.blocked_m());
   emergency_.dilator.set(sogm.geometry, options_.radius_m + options_.emergency_clearance_m);
   collision_.dilator.set(sogm.geometry, std::max(0.0, options_.radius_m - options_.collision_depth_m));
-  inflation_dilator_.set(sogm.geometry, options_.inflation_m);
+  walls_.set_resolution(sogm.geometry.resolution_m);
+  // What is too close to a wall although its voxel is free lies within.
+  const double least_m = walls_.empty() ? 0.0 : kWallInflation * sogm.geometry.resolution_m;
+  inflation_dilator_.set(sogm.geometry, std::max(options_.inflation_m, least_m));
   recent_frames_ = static_cast<int>(std::lround(options_.recently_occupied_s / to_seconds(sogm.frame_duration)));
   tiles_ = (sogm.geometry.size.head<2>().array() + kTile - 1) / kTile;
   const auto tiles = static_cast<std::size_t>(sogm.num_frames) * static_cast<std::size_t>(tiles_.prod());
@@ -135,6 +139,13 @@ const Sogm& ConfigurationSpace::look(int first_frame, int last_frame, const Colu
   return layer->sogm;
 }
 
+Eigen::AlignedBox3d ConfigurationSpace::known() const {
+  const GridGeometry& grid = blocked_.sogm.geometry;
+  const double rim = std::ceil(options_.blocked_m() / grid.resolution_m - 1e-9);
+  return {(grid.origin.cast<double>().array() + rim) * grid.resolution_m,
+          ((grid.origin + grid.size).cast<double>().array() - rim) * grid.resolution_m};
+}
+
 const Sogm& ConfigurationSpace::blocked(int first_frame, int last_frame, const Columns& columns) {
   return look(first_frame, last_frame, columns, &blocked_);
 }
@@ -176,17 +187,19 @@ Severity ConfigurationSpace::severity(std::size_t word, std::uint64_t bit) {
 
 bool ConfigurationSpace::blocked_at(const Eigen::Vector3d& position, int frame) {
   const Eigen::Vector3i voxel = grid().geometry.voxel_of(position);
-  return blocked(frame, frame, column_of(voxel)).occupied(frame, voxel);
+  return blocked(frame, frame, column_of(voxel)).occupied(frame, voxel) || (!walls_.empty() && walls_.meet(position));
 }
 
 bool ConfigurationSpace::recently_occupied_at(const Eigen::Vector3d& position, int frame) {
   const Eigen::Vector3i voxel = grid().geometry.voxel_of(position);
-  return layers(frame, frame, column_of(voxel)).recently_occupied.occupied(frame, voxel);
+  return layers(frame, frame, column_of(voxel)).recently_occupied.occupied(frame, voxel) ||
+         (!walls_.empty() && walls_.meet(position));
 }
 
 std::optional<Severity> ConfigurationSpace::severity_at(const Eigen::Vector3d& position, int frame) {
   const Eigen::Vector3i voxel = grid().geometry.voxel_of(position);
   const Columns column = column_of(voxel);
+  if (!walls_.empty() && walls_.meet(position)) return Severity::kCollision;
   if (!blocked(frame, frame, column).occupied(frame, voxel)) return {};
   if (!look(frame, frame, column, &emergency_).occupied(frame, voxel)) return Severity::kBlocked;
   const bool collides = look(frame, frame, column, &collision_).occupied(frame, voxel);

@@ -2,6 +2,7 @@
 // comes to a collision. One definition of free for search, corridor and check.
 #pragma once
 
+#include <Eigen/Geometry>
 #include <cstdint>
 #include <optional>
 #include <vector>
@@ -11,6 +12,7 @@
 #include "planner_daemon/space/peer.h"
 #include "planner_daemon/space/reachability.h"
 #include "planner_daemon/space/swept_volume.h"
+#include "planner_daemon/space/walls.h"
 
 namespace swarm {
 
@@ -35,7 +37,9 @@ enum class Severity : std::uint8_t { kBlocked, kEmergency, kCollision };
 // layer.
 class ConfigurationSpace {
  public:
-  explicit ConfigurationSpace(const ConfigurationSpaceOptions& options) : options_(options) {}
+  // `static_map`: OctoMap file; empty: none. Throws what Walls throws.
+  explicit ConfigurationSpace(const ConfigurationSpaceOptions& options, const std::string& static_map = "")
+      : options_(options), walls_(static_map, options.radius_m) {}
   ConfigurationSpace(const ConfigurationSpace&) = delete;  // occupancy() refers to parts of this
   ConfigurationSpace& operator=(const ConfigurationSpace&) = delete;
 
@@ -51,6 +55,8 @@ class ConfigurationSpace {
   // blocked() were asked for them.
   const Sogm& grid() const { return blocked_.sogm; }
 
+  // Where all that blocks the centre lies in the window: beyond, nothing is known.
+  Eigen::AlignedBox3d known() const;
   // Where the centre may not be, worked out at least in these columns of frames first to last; beyond the window
   // nothing is known.
   const Sogm& blocked(int first_frame, int last_frame, const Columns& columns);
@@ -59,9 +65,13 @@ class ConfigurationSpace {
     const Sogm &blocked, &recently_occupied, &inflation;
   };
   Layers layers(int first_frame, int last_frame, const Columns& columns);
+  // By exact distance, in halves of voxels, see Walls; never outside inflation.
+  bool meets_wall(std::int32_t x, std::int32_t y, std::int32_t z) { return !walls_.empty() && walls_.meet(x, y, z); }
+  bool has_walls() const { return !walls_.empty(); }
   // Of a voxel in blocked space: a bit of a word of its layer.
   Severity severity(std::size_t word, std::uint64_t bit);
 
+  // Walls, by exact distance, among it.
   bool blocked_at(const Eigen::Vector3d& position, int frame);
   bool recently_occupied_at(const Eigen::Vector3d& position, int frame);
   // None where it is free.
@@ -88,6 +98,7 @@ class ConfigurationSpace {
   void work_out_inflation(int frame, const Columns& box);
 
   ConfigurationSpaceOptions options_;
+  Walls walls_;
   Occupancy occupancy_;
   SweptVolumes peers_, standing_peers_;
   SweptVolumes silent_peers_;    // with the margin around them

@@ -9,29 +9,30 @@ constexpr Duration kTouchStep = 20ms;
 
 }  // namespace
 
-Utime first_touch(const Sogm& sogm, const Motion& motion, double radius_m, Utime from, Utime until) {
+bool touches(const Sogm& sogm, int frame, const Eigen::Vector3d& place, double radius_m) {
   const GridGeometry& grid = sogm.geometry;
   const double radius = radius_m / grid.resolution_m;
-  const auto touches = [&](const Eigen::Vector3d& position, int frame) {
-    const Eigen::Vector3d at =  // in voxels from the window's first centre
-        (position / grid.resolution_m - grid.origin.cast<double>()).array() - 0.5;
-    const Eigen::Vector2i low = (at.head<2>().array() - radius).ceil().cast<int>().cwiseMax(0);
-    const Eigen::Vector2i high =
-        (at.head<2>().array() + radius).floor().cast<int>().cwiseMin(grid.size.head<2>().array() - 1);
-    std::uint64_t any = 0;
-    for (int x = low.x(); x <= high.x(); ++x) {
-      for (int y = low.y(); y <= high.y(); ++y) {
-        const double high2 = radius * radius - (x - at.x()) * (x - at.x()) - (y - at.y()) * (y - at.y());
-        if (high2 < 0.0) continue;
-        const std::uint64_t* column = sogm.column(frame, x, y);
-        for_each_word_of_run(at.z() - std::sqrt(high2), at.z() + std::sqrt(high2), grid.size.z(),
-                             [&](int word, std::uint64_t bits) { any |= column[word] & bits; });
-      }
+  const Eigen::Vector3d at =  // in voxels from the window's first centre
+      (place / grid.resolution_m - grid.origin.cast<double>()).array() - 0.5;
+  const Eigen::Vector2i low = (at.head<2>().array() - radius).ceil().cast<int>().cwiseMax(0);
+  const Eigen::Vector2i high =
+      (at.head<2>().array() + radius).floor().cast<int>().cwiseMin(grid.size.head<2>().array() - 1);
+  std::uint64_t any = 0;
+  for (int x = low.x(); x <= high.x(); ++x) {
+    for (int y = low.y(); y <= high.y(); ++y) {
+      const double high2 = radius * radius - (x - at.x()) * (x - at.x()) - (y - at.y()) * (y - at.y());
+      if (high2 < 0.0) continue;
+      const std::uint64_t* column = sogm.column(frame, x, y);
+      for_each_word_of_run(at.z() - std::sqrt(high2), at.z() + std::sqrt(high2), grid.size.z(),
+                           [&](int word, std::uint64_t bits) { any |= column[word] & bits; });
     }
-    return any != 0;
-  };
+  }
+  return any != 0;
+}
+
+Utime first_touch(const Sogm& sogm, const Motion& motion, double radius_m, Utime from, Utime until) {
   for (Utime t = from; t <= until; t += kTouchStep) {
-    if (touches(motion.at(t).position, sogm.frame_at(t))) return t;
+    if (touches(sogm, sogm.frame_at(t), motion.at(t).position, radius_m)) return t;
   }
   return kNever;
 }

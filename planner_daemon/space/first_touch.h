@@ -6,8 +6,12 @@
 
 namespace swarm {
 
+// Whether an occupied voxel's centre lies within `radius_m` of `place` in a frame. Of the map alone: peers are not in
+// it.
+bool touches(const Sogm& sogm, int frame, const Eigen::Vector3d& place, double radius_m);
+
 // First time in [from, until] at which an occupied voxel's centre lies within `radius_m` of the motion, or kNever;
-// looked at every 20 ms. Of the map alone: peers are not in it.
+// looked at every 20 ms.
 Utime first_touch(const Sogm& sogm, const Motion& motion, double radius_m, Utime from, Utime until);
 
 }  // namespace swarm

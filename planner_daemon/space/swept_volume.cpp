@@ -92,7 +92,9 @@ std::optional<SweptVolumes::Patch> SweptVolumes::mark_capsule(const Eigen::Vecto
 
 void SweptVolumes::add(const Motion& motion, double radius_m, Duration clock_error, std::span<const Columns> bounds) {
   const auto num_frames = static_cast<std::int64_t>(patches_.size());
-  const Utime end = start_utime_ + num_frames * frame_duration_ + clock_error;
+  // The last frame stays in force: all that comes after belongs to it.
+  const Utime end =
+      std::max(start_utime_ + num_frames * frame_duration_, motion.end_utime()) + clock_error + frame_duration_;
   for (Utime from = start_utime_ - clock_error; from < end;) {  // one quintic after the other
     const Utime to = std::min(motion.next_knot_after(from), end);
     const ControlPoints quintic = control_points_between(motion, from, to);
@@ -105,9 +107,9 @@ void SweptVolumes::add(const Motion& motion, double radius_m, Duration clock_err
     if ((quintic.colwise() - quintic.col(0)).isZero(0.0))
       rests = mark_capsule(quintic.col(0), quintic.col(0), radius_m, all_columns(grid_));
     const std::int64_t first = (from - clock_error - start_utime_) / frame_duration_;
-    for (std::int64_t frame = std::max<std::int64_t>(first, 0); frame < num_frames; ++frame) {
+    for (std::int64_t frame = std::clamp<std::int64_t>(first, 0, num_frames - 1); frame < num_frames; ++frame) {
       const Utime begin = start_utime_ + frame * frame_duration_ - clock_error;
-      const Utime until = begin + frame_duration_ + 2 * clock_error;
+      const Utime until = frame + 1 == num_frames ? end : begin + frame_duration_ + 2 * clock_error;
       if (begin >= to) break;
       const Columns& columns = bounds[static_cast<std::size_t>(frame)];
       if (columns.empty() || !intersect(around, columns)) continue;

@@ -17,10 +17,11 @@ class SweptVolumes {
   // For frames laid out like those of `sogm`; holds nothing yet.
   void lay_out(const Sogm& sogm);
 
-  // Adds the voxels whose centre comes within `radius_m` of the motion during a frame's interval, hover tail included,
-  // though it may come earlier or later by up to `clock_error` >= 0; in frame i at least those in columns bounds[i]
-  // of the window. Conservative: each span of the curve is covered by its chord, widened by how far its control points
-  // lie from the chord, so the hull of the span and with it the curve is inside.
+  // Adds the voxels whose centre comes within `radius_m` of the motion during a frame's interval, hover tail included
+  // (the last frame stays in force: all that comes after belongs to it), though it may come earlier or later by up to
+  // `clock_error` >= 0; in frame i at least those in columns bounds[i] of the window. Conservative: each span of the
+  // curve is covered by its chord, widened by how far its control points lie from the chord, so the hull of the span
+  // and with it the curve is inside.
   void add(const Motion& motion, double radius_m, Duration clock_error, std::span<const Columns> bounds);
 
   // Appends what a frame holds within `columns`. Valid until the next add().

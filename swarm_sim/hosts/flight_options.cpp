@@ -22,6 +22,7 @@ PlannerNodeConfig planner_config(const World& world, const WorldRobot& robot, co
   PlannerNodeConfig config = options.planner;
   config.robot_id = robot.id;
   config.planner.space.radius_m = robot.radius_m;
+  config.planner.map.static_map = world.static_map;
   SearchLimits& limits = config.planner.limits;
   limits.v_max_mps = world.speed_mps;
   limits.a_max_mps2 = world.acceleration_mps2;

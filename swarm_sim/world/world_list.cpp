@@ -2,6 +2,7 @@
 
 #include <zlib.h>
 
+#include <algorithm>
 #include <array>
 #include <memory>
 
@@ -29,16 +30,32 @@ std::string unpack(const std::filesystem::path& path) {
   return text;
 }
 
+std::vector<ListedWorld> read_directory(const std::filesystem::path& directory) {
+  std::vector<std::filesystem::path> paths;
+  for (const auto& entry : std::filesystem::directory_iterator(directory)) {
+    if (entry.path().extension() == ".json") paths.push_back(entry.path());
+  }
+  std::ranges::sort(paths);
+  std::vector<ListedWorld> worlds;
+  worlds.reserve(paths.size());
+  for (const auto& path : paths) worlds.push_back({path.string(), unpack(path)});
+  if (worlds.empty()) throw WorldError(directory.string() + ": must hold at least one world file (.json)");
+  return worlds;
+}
+
 }  // namespace
 
-std::vector<WorldLine> read_world_lines(const std::filesystem::path& path) {
+std::vector<ListedWorld> read_listed_worlds(const std::filesystem::path& path) {
+  std::error_code ignored;
+  if (std::filesystem::is_directory(path, ignored)) return read_directory(path);
   const std::string text = unpack(path);
-  std::vector<WorldLine> lines;
+  std::vector<ListedWorld> lines;
   int number = 1;
   for (std::size_t begin = 0; begin < text.size(); ++number) {
     const std::size_t end = std::min(text.find('\n', begin), text.size());
     std::string line = text.substr(begin, end - begin);
-    if (line.find_first_not_of(" \t\r") != std::string::npos) lines.push_back({number, std::move(line)});
+    if (line.find_first_not_of(" \t\r") != std::string::npos)
+      lines.push_back({path.string() + ":" + std::to_string(number), std::move(line)});
     begin = end + 1;
   }
   if (lines.empty()) throw WorldError(path.string() + ": must hold at least one world");
@@ -53,8 +70,9 @@ World read_listed_world(const std::string& place) {
   if (!listed || number.empty() || number.size() > 9 || number.find_first_not_of("0123456789") != std::string::npos)
     return read_world(place);
   const std::filesystem::path path = list;
-  for (const WorldLine& line : read_world_lines(path)) {
-    if (line.number == std::stoi(number)) return parse_world(line.text, place, path.parent_path());
+  const std::string wanted = path.string() + ":" + std::to_string(std::stoi(number));
+  for (const ListedWorld& world : read_listed_worlds(path)) {
+    if (world.place == wanted) return parse_world(world.text, place, path.parent_path());
   }
   throw WorldError(list + ": line " + number + ": must hold a world");
 }

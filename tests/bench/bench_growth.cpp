@@ -46,7 +46,11 @@ PlanRequest request_among(const Sogm& sogm, const std::vector<Peer>& peers, Rng&
   Trajectory own(1, kStart, 1s, 1);
   own.set_knot(0, start);
   own.set_knot(1, rest);
-  return {&sogm, {own, {}}, kStart + 50ms, start.position + 8.0 * to_goal, &peers};
+  return {.sogm = &sogm,
+          .own = {own, {}},
+          .start_utime = kStart + 50ms,
+          .goal = start.position + 8.0 * to_goal,
+          .peers = &peers};
 }
 
 TimingStats time_plans(const Work& work) {

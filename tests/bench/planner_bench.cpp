@@ -158,9 +158,8 @@ class Bench {
       : requests_(requests),
         planner_(requests.config, &stopwatch),
         search_(usable(requests.config), requests.config.search),
-        corridors_(requests.config.limits.space_min, requests.config.limits.space_max, requests.config.corridor),
-        full_corridors_(requests.config.limits.space_min, requests.config.limits.space_max,
-                        full(requests.config.corridor)) {
+        corridors_(requests.config.corridor),
+        full_corridors_(full(requests.config.corridor)) {
     add("plan", [this](const PlanInput& input, auto* us) {
       us->push_back(timed_us([&] { benchmark::DoNotOptimize(planner_.plan(input.request)); }));
     });
@@ -254,7 +253,10 @@ class Bench {
     }
   }
   FiriStatus build(CorridorBuilder* corridors, const ControlPoints& piece, Utime from, Polytope* polytope) {
-    return corridors->build(piece, planner_.occupancy(), requests_.config.space.blocked_m(), from,
+    const SearchLimits& limits = requests_.config.limits;
+    const Eigen::AlignedBox3d space =
+        Eigen::AlignedBox3d(limits.space_min, limits.space_max).intersection(planner_.search_problem().space->known());
+    return corridors->build(piece, planner_.occupancy(), requests_.config.space.blocked_m(), space, from,
                             from + requests_.config.search.piece, polytope);
   }
   static CorridorOptions full(CorridorOptions options) {
@@ -296,6 +298,7 @@ void solve_problems(const std::string& path) {
     SplineSolution solution;
     SplineStatus status = SplineStatus::kInfeasible;
     std::vector<double> calls_us;
+    calls_us.reserve(9);
     for (int call = 0; call < 9; ++call)
       calls_us.push_back(timed_us([&] { status = solver.solve(stored.problem, &solution); }));
     std::sort(calls_us.begin(), calls_us.end());

@@ -75,9 +75,10 @@ std::vector<Leaf> occupied_leaves(const octomap::OcTree& tree) {
   return leaves;
 }
 
+// Exact contact is not near: a wall that ends between two voxels does not grow.
 bool near(const std::vector<Leaf>& leaves, const Eigen::Vector3d& point, double margin_m) {
   return std::any_of(leaves.begin(), leaves.end(), [&](const Leaf& leaf) {
-    return (point - leaf.center).cwiseAbs().maxCoeff() <= leaf.size_m / 2 + margin_m + 1e-7;
+    return (point - leaf.center).cwiseAbs().maxCoeff() < leaf.size_m / 2 + margin_m - 1e-7;
   });
 }
 

@@ -43,23 +43,35 @@ fs::path write_gzip(const fs::path& path, const std::string& text) {
   return path;
 }
 
+TEST(WorldList, ReadsADirectoryInTheOrderOfTheNames) {
+  TemporaryDirectory directory;
+  write_text(directory / "b.json", one_line(small_world(2)));
+  write_text(directory / "a.json", one_line(small_world(1)));
+  write_text(directory / "notes.txt", "no world");
+  const auto worlds = read_listed_worlds(directory.path());
+  ASSERT_EQ(worlds.size(), 2u);
+  EXPECT_EQ(worlds[0].place, (directory / "a.json").string());
+  EXPECT_EQ(read_listed_world(worlds[0].place), small_world(1));
+  EXPECT_EQ(listed_trial(worlds[1].text, worlds[1].place).world(), small_world(2));
+}
+
 TEST(WorldList, ReadsPlainAndCompressedLines) {
   TemporaryDirectory directory;
   const std::string text = one_line(small_world(1)) + "\n\n" + one_line(small_world(2));
   for (const fs::path& list : {write_text(directory / "w.jsonl", text), write_gzip(directory / "w.jsonl.gz", text)}) {
-    const auto lines = read_world_lines(list);
+    const auto lines = read_listed_worlds(list);
     ASSERT_EQ(lines.size(), 2u);
-    EXPECT_EQ(lines[1].number, 3);
+    EXPECT_EQ(lines[1].place, list.string() + ":3");
     EXPECT_EQ(read_listed_world(list.string() + ":1"), small_world(1));
     EXPECT_EQ(read_listed_world(list.string() + ":3"), small_world(2));
     EXPECT_THROW(read_listed_world(list.string() + ":2"), WorldError);
     EXPECT_THROW(read_listed_world(list.string() + ":0"), WorldError);
   }
-  EXPECT_THROW(read_world_lines(directory / "none.jsonl"), WorldError);
-  EXPECT_THROW(read_world_lines(directory.path()), WorldError);
-  EXPECT_THROW(read_world_lines(write_text(directory / "empty.jsonl", "\n \n")), WorldError);
+  EXPECT_THROW(read_listed_worlds(directory / "none.jsonl"), WorldError);
+  EXPECT_THROW(read_listed_worlds(directory.path()), WorldError);  // no world files
+  EXPECT_THROW(read_listed_worlds(write_text(directory / "empty.jsonl", "\n \n")), WorldError);
   const std::string whole = read_text(directory / "w.jsonl.gz");
-  EXPECT_THROW(read_world_lines(write_text(directory / "torn.jsonl.gz", whole.substr(0, whole.size() / 2))),
+  EXPECT_THROW(read_listed_worlds(write_text(directory / "torn.jsonl.gz", whole.substr(0, whole.size() / 2))),
                WorldError);
 }
 

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <vector>
 
 #include "tests/support/search_scene.h"
@@ -21,6 +22,7 @@ class ExhaustiveSearch {
         problem_(problem),
         limits_(limits),
         options_(options),
+        space_(space_of(scene, limits)),
         primitives_(limits, options),
         tau_(to_seconds(options.piece)) {
     start_blocked_ = occupied_at(scene.blocked, problem.start.position, problem.start_utime);
@@ -55,17 +57,16 @@ class ExhaustiveSearch {
     return longest + 0.05 * (sum - longest);
   }
 
-  // Samples that leave the flight space, or lie outside and farther than the one before.
-  bool strays(int axis, double p, double v, double a, double a1) const {
+  // The first sample that leaves the space, or lies outside and farther than the one before; kSamples + 1: none.
+  int first_stray(int axis, double p, double v, double a, double a1) const {
     double before = p;
     for (int i = 1; i <= kSamples; ++i) {
       const double s = static_cast<double>(i) / kSamples, lag = s * s * s / 3 - s * s * s * s / 12;
       const double now = p + tau_ * s * v + tau_ * tau_ * (s * s / 2 * a + lag * (a1 - a));
-      if ((now < limits_.space_min[axis] && now < before) || (now > limits_.space_max[axis] && now > before))
-        return true;
+      if ((now < space_.min()[axis] && now < before) || (now > space_.max()[axis] && now > before)) return i;
       before = now;
     }
-    return false;
+    return kSamples + 1;
   }
 
   std::vector<double> axis_choices(int axis, const MotionState& from) const {
@@ -80,7 +81,8 @@ class ExhaustiveSearch {
     for (double wish : wishes) {
       const double a1 = std::clamp(wish, least, most);
       const auto near_a1 = [&](double choice) { return std::abs(choice - a1) <= 0.05 * a_lim(); };
-      if (std::none_of(choices.begin(), choices.end(), near_a1) && !strays(axis, p, v, a, a1)) choices.push_back(a1);
+      if (std::none_of(choices.begin(), choices.end(), near_a1) && first_stray(axis, p, v, a, a1) > kSamples)
+        choices.push_back(a1);
     }
     return choices;
   }
@@ -109,19 +111,26 @@ class ExhaustiveSearch {
     return cost;
   }
 
-  // Brakes evenly, then hovers to the horizon: first blocked time.
+  // Brakes evenly, then hovers to the horizon: when it first is blocked or strays.
   Utime brake(const MotionState& node, int depth) const {
     SearchResult path;
     path.knots[0] = node;
     path.num_pieces = brake_pieces_;
     const Eigen::Vector3d drift = node.velocity + tau_ / 3 * node.acceleration;
+    int strays_at = std::numeric_limits<int>::max();  // sample
     for (int k = 1; k <= brake_pieces_; ++k) {
       const Eigen::Vector3d a1 =
           k < brake_pieces_ ? (-drift / (tau_ * (brake_pieces_ - 1))).eval() : Eigen::Vector3d::Zero().eval();
-      path.knots[static_cast<std::size_t>(k)] = primitives_.propagate(path.knots[static_cast<std::size_t>(k) - 1], a1);
+      const MotionState& from = path.knots[static_cast<std::size_t>(k) - 1];
+      for (int axis = 0; axis < 3; ++axis) {
+        const int i = first_stray(axis, from.position[axis], from.velocity[axis], from.acceleration[axis], a1[axis]);
+        if (i <= kSamples) strays_at = std::min(strays_at, (k - 1) * kSamples + i);
+      }
+      path.knots[static_cast<std::size_t>(k)] = primitives_.propagate(from, a1);
     }
     for (int i = 1; i <= (options_.num_pieces - depth) * kSamples; ++i) {
       const Duration since = (depth * kSamples + i) * options_.piece / kSamples;
+      if (i == strays_at) return problem_.start_utime + since;
       if (start_blocked_ && since <= to_duration(options_.leave_s)) continue;
       if (occupied_at(scene_.blocked, state_at(path, tau_, i * tau_ / kSamples).position,
                       problem_.start_utime + since)) {
@@ -169,6 +178,7 @@ class ExhaustiveSearch {
   const SearchProblem& problem_;
   SearchLimits limits_;
   SearchOptions options_;
+  Eigen::AlignedBox3d space_;
   Primitives primitives_;
   double tau_;
   int brake_pieces_;

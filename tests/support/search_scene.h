@@ -51,6 +51,15 @@ struct Scene {
   mutable ConfigurationSpace space;  // works itself out while it is looked at
 };
 
+// What a path does not leave: the flight space, where all that blocks lies in the window.
+inline Eigen::AlignedBox3d space_of(const Scene& scene, const SearchLimits& limits) {
+  const GridGeometry& grid = scene.occupied.geometry;
+  const double rim_m = grid.resolution_m * std::ceil(kBlocked_m / grid.resolution_m - 1e-9);
+  const Eigen::Array3d low = grid.resolution_m * grid.origin.cast<double>();
+  const Eigen::Array3d high = low + grid.resolution_m * grid.size.cast<double>().array();
+  return {limits.space_min.cwiseMax((low + rim_m).matrix()), limits.space_max.cwiseMin((high - rim_m).matrix())};
+}
+
 inline bool occupied_at(const Sogm& sogm, const Eigen::Vector3d& position, Utime utime) {
   return sogm.occupied(sogm.frame_at(utime), sogm.geometry.voxel_of(position));
 }

@@ -19,6 +19,7 @@ using Eigen::Vector3i;
 
 constexpr double kPiece_s = 0.2;
 const Vector3d kEverywhere = Vector3d::Constant(1e3);
+const Eigen::AlignedBox3d kAll(-kEverywhere, kEverywhere);
 
 struct Box {
   Vector3d low, high;
@@ -79,7 +80,7 @@ TEST(CorridorTest, ExcludesAllThatIsOccupiedAndHoldsThePiece) {
   Rng rng(1);
   const Vector3d space_min(-2.6, -2.6, -1.2), space_max(2.6, 2.6, 1.3);
   const CorridorOptions options;
-  CorridorBuilder builder(space_min, space_max, options);
+  CorridorBuilder builder(options);
   int grown = 0, refused = 0, excluded = 0, beside_border = 0;
   for (int map = 0; map < 40; ++map) {
     const Sogm sogm = random_map(rng, uniform_int(rng, 1, 30), {4.4, 4.4, 2.4}, 6, kStart,
@@ -95,7 +96,7 @@ TEST(CorridorTest, ExcludesAllThatIsOccupiedAndHoldsThePiece) {
                                       << ", piece\n"
                                       << piece);
       Polytope polytope;
-      const FiriStatus status = builder.build(piece, {&sogm}, 0.0, from, to, &polytope);
+      const FiriStatus status = builder.build(piece, {&sogm}, 0.0, {space_min, space_max}, from, to, &polytope);
       for (int k = 0; k < 6; ++k) ASSERT_LE(polytope.violation(piece.col(k)), 1e-9) << "control point " << k;
       const Box box = box_around(piece, options.extent_m, space_min, space_max);
       for (int i = 0; i < 60; ++i) {  // nothing outside the box
@@ -136,7 +137,7 @@ TEST(CorridorTest, ExcludesAllThatIsOccupiedAndHoldsThePiece) {
 TEST(CorridorTest, ObstaclesAreTheSurfaceOfTheFramesUnion) {
   Rng rng(2);
   const CorridorOptions options;
-  CorridorBuilder builder(-kEverywhere, kEverywhere, options);
+  CorridorBuilder builder(options);
   std::size_t hidden = 0, found = 0;
   for (int trial = 0; trial < 60; ++trial) {
     const Sogm sogm = random_map(rng, 30, {4, 4, trial % 2 == 0 ? 2.0 : 8.0}, 4, kStart, 200ms);
@@ -144,7 +145,7 @@ TEST(CorridorTest, ObstaclesAreTheSurfaceOfTheFramesUnion) {
     const Utime from = kStart + Duration(uniform_int(rng, 0, 700'000)), to = from + 200ms;
     const int first = sogm.frame_at(from), last = sogm.frame_at(to - 1us);
     Polytope polytope;
-    (void)builder.build(piece, {&sogm}, 0.0, from, to, &polytope);
+    (void)builder.build(piece, {&sogm}, 0.0, kAll, from, to, &polytope);
     const Box box = box_around(piece, options.extent_m, -kEverywhere, kEverywhere);
     const GridGeometry& grid = sogm.geometry;
     const Vector3i low = grid.voxel_of(box.low), high = grid.voxel_of(box.high);
@@ -189,12 +190,13 @@ TEST(CorridorTest, AnEmptyMapGivesTheBoxInsideTheFlightSpace) {
   Rng rng(3);
   const Vector3d space_min(-2, -2, 0.2), space_max(2, 2, 3);
   for (double extent : {0.3, 1.2, 3.0}) {
-    CorridorBuilder builder(space_min, space_max, CorridorOptions{extent});
+    CorridorBuilder builder(CorridorOptions{extent});
     const Sogm sogm = empty_map({6, 6, 4}, 0.1, 3, kStart, 200ms);
     for (int trial = 0; trial < 30; ++trial) {
       const ControlPoints piece = random_piece(rng, {2.5, 2.5, 3});  // some leave the flight space, which gives way
       Polytope polytope;
-      ASSERT_EQ(builder.build(piece, {&sogm}, 0.0, kStart, kStart + 200ms, &polytope), FiriStatus::kGrown);
+      ASSERT_EQ(builder.build(piece, {&sogm}, 0.0, {space_min, space_max}, kStart, kStart + 200ms, &polytope),
+                FiriStatus::kGrown);
       EXPECT_TRUE(builder.obstacles().empty());
       const Box box = box_around(piece, extent, space_min, space_max);
       for (int i = 0; i < 200; ++i) {
@@ -207,7 +209,7 @@ TEST(CorridorTest, AnEmptyMapGivesTheBoxInsideTheFlightSpace) {
 
 TEST(CorridorTest, LooksAtThePiecesFramesOnly) {
   Rng rng(4);
-  CorridorBuilder builder(-kEverywhere, kEverywhere, CorridorOptions{});
+  CorridorBuilder builder(CorridorOptions{});
   for (int trial = 0; trial < 30; ++trial) {
     const Sogm sogm = random_map(rng, 20, {4, 4, 2}, 6, kStart, 200ms);
     Sogm other = sogm;  // as crowded as can be in the frames before and after
@@ -217,8 +219,8 @@ TEST(CorridorTest, LooksAtThePiecesFramesOnly) {
     // Up to the first microsecond of the next frame, not included.
     const Utime from = kStart + 400ms + uniform_int(rng, 0, 1) * 100ms, to = kStart + 800ms;
     Polytope a, b;
-    const FiriStatus status = builder.build(piece, {&sogm}, 0.0, from, to, &a);
-    ASSERT_EQ(builder.build(piece, {&other}, 0.0, from, to, &b), status);
+    const FiriStatus status = builder.build(piece, {&sogm}, 0.0, kAll, from, to, &a);
+    ASSERT_EQ(builder.build(piece, {&other}, 0.0, kAll, from, to, &b), status);
     ASSERT_EQ(a.normals, b.normals) << piece;
     ASSERT_EQ(a.offsets, b.offsets) << piece;
   }
@@ -227,11 +229,11 @@ TEST(CorridorTest, LooksAtThePiecesFramesOnly) {
 TEST(CorridorTest, StopsAtTheVoxelsFace) {
   Sogm sogm = empty_map({6, 6, 3}, 0.1, 1, kStart, 200ms);
   mark_box(&sogm, {0.8, -9, -9}, {1.0, 9, 9});  // voxels from x = 0.8 on
-  CorridorBuilder builder(-kEverywhere, kEverywhere, CorridorOptions{2.0});
+  CorridorBuilder builder(CorridorOptions{2.0});
   ControlPoints piece;
   for (int k = 0; k < 6; ++k) piece.col(k) = Vector3d(0, 0.1 * k, 0.05);
   Polytope polytope;
-  ASSERT_EQ(builder.build(piece, {&sogm}, 0.0, kStart, kStart + 200ms, &polytope), FiriStatus::kGrown);
+  ASSERT_EQ(builder.build(piece, {&sogm}, 0.0, kAll, kStart, kStart + 200ms, &polytope), FiriStatus::kGrown);
   for (double y : {-1.9, 0.0, 2.4}) {
     EXPECT_LT(polytope.violation({0.799, y, 0.05}), 0.0) << y;
     EXPECT_GT(polytope.violation({0.801, y, 0.05}), 0.0) << y;
@@ -242,13 +244,15 @@ TEST(CorridorTest, StopsAtTheVoxelsFace) {
 TEST(CorridorTest, RefusesASeedAroundAnOccupiedVoxel) {
   Sogm sogm = empty_map({4, 4, 2}, 0.1, 2, kStart, 200ms);
   mark_box(&sogm, {0.2, 0.2, 0.2}, {0.3, 0.3, 0.3}, 1, 1);  // the voxel at 0.25
-  CorridorBuilder builder(-kEverywhere, kEverywhere, CorridorOptions{});
+  CorridorBuilder builder(CorridorOptions{});
   ControlPoints piece;
   for (int k = 0; k < 6; ++k) piece.col(k) = Vector3d::Constant(0.1 * k);  // passes its centre
   Polytope polytope;
-  EXPECT_EQ(builder.build(piece, {&sogm}, 0.0, kStart + 200ms, kStart + 400ms, &polytope), FiriStatus::kSeedBlocked);
-  EXPECT_EQ(builder.build(piece, {&sogm}, 0.0, kStart + 100ms, kStart + 300ms, &polytope), FiriStatus::kSeedBlocked);
-  EXPECT_EQ(builder.build(piece, {&sogm}, 0.0, kStart, kStart + 200ms, &polytope),
+  EXPECT_EQ(builder.build(piece, {&sogm}, 0.0, kAll, kStart + 200ms, kStart + 400ms, &polytope),
+            FiriStatus::kSeedBlocked);
+  EXPECT_EQ(builder.build(piece, {&sogm}, 0.0, kAll, kStart + 100ms, kStart + 300ms, &polytope),
+            FiriStatus::kSeedBlocked);
+  EXPECT_EQ(builder.build(piece, {&sogm}, 0.0, kAll, kStart, kStart + 200ms, &polytope),
             FiriStatus::kGrown);  // not yet there
 }
 

@@ -41,10 +41,20 @@ void check_path(const SearchResult& result, SearchStatus status, const Scene& sc
   }
   Utime free_until = kNever;
   ASSERT_EQ(result.left_blocked, occupied_at(scene.blocked, problem.start.position, problem.start_utime));
-  for (int i = 1; i <= options.num_pieces * kSamples && free_until == kNever; ++i) {
+  const Eigen::AlignedBox3d space = space_of(scene, limits);
+  Vector3d before = problem.start.position;
+  // To the end of the horizon and of the map.
+  const Duration sample = options.piece / kSamples, map_end = scene.occupied.end_utime() - problem.start_utime;
+  const auto samples = std::max<std::int64_t>(options.num_pieces * kSamples, (map_end + sample - 1us) / sample);
+  for (int i = 1; i <= samples && free_until == kNever; ++i) {
     const Duration since = i * options.piece / kSamples;
-    if (result.left_blocked && since <= to_duration(options.leave_s)) continue;
     const Vector3d position = state_at(result, tau, i * tau / kSamples).position;
+    const Eigen::Array3d moved = position - before;  // whoever is outside may only come back
+    before = position;
+    if (((position.array() < space.min().array() - 1e-9) && moved < -1e-9).any() ||
+        ((position.array() > space.max().array() + 1e-9) && moved > 1e-9).any())
+      free_until = problem.start_utime + since;
+    if (result.left_blocked && since <= to_duration(options.leave_s)) continue;
     if (occupied_at(scene.blocked, position, problem.start_utime + since)) free_until = problem.start_utime + since;
   }
   // At rest the search looks when a frame begins: at most one sample earlier.
@@ -59,7 +69,7 @@ void check_path(const SearchResult& result, SearchStatus status, const Scene& sc
 
 TEST(KinodynamicSearchTest, KeepsLimitsInEmptySpaceAndArrivesInTime) {
   Rng rng(4);
-  const Scene scene(empty_map({2, 2, 2}, 0.2, 1, kStart, 200ms));
+  const Scene scene(empty_map({32, 32, 32}, 0.5, 1, kStart, 200ms));  // nobody comes to its rim
   int arrivals = 0;
   for (int trial = 0; trial < 200; ++trial) {
     SearchLimits limits;
@@ -269,7 +279,7 @@ TEST(KinodynamicSearchTest, LeavesBlockedSpaceWithoutATouchWhereAChainCan) {
   Rng rng(11);
   int avoidable = 0, unavoidable = 0, touched = 0, partial = 0;
   while (avoidable < 60) {
-    Sogm occupied = empty_map({3, 3, 0.6}, 0.1, 1, kStart, 200ms);
+    Sogm occupied = empty_map({4, 4, 1}, 0.1, 1, kStart, 200ms);
     for (int i = 0; i < 4; ++i)
       mark_ball(&occupied, 0, in_box(rng, {-1, -1, 0}, {1, 1, 0}), uniform(rng, 0.05, 0.3), true);
     const Scene scene(occupied);

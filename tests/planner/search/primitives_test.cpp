@@ -102,7 +102,8 @@ TEST(PrimitivesTest, SamplesLieAtMostAVoxelApart) {
     limits.a_max_mps2 = 20.0;
     Primitives primitives(limits, SearchOptions{});
     for (const double resolution_m : {0.1, 0.2, 0.3}) {
-      primitives.lay_out(empty_map({0.3, 0.3, 64 * resolution_m}, resolution_m, 1, kStart, 100ms).geometry);
+      primitives.lay_out(empty_map({0.3, 0.3, 64 * resolution_m}, resolution_m, 1, kStart, 100ms).geometry,
+                         {limits.space_min, limits.space_max});
       ASSERT_EQ(primitives.num_samples() % kBlockSamples, 0);
       ASSERT_LE(primitives.num_samples(), kMaxSamples);
       for (int trial = 0; trial < 200; ++trial) {

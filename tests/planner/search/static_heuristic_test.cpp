@@ -1,13 +1,12 @@
-// StaticHeuristic against a plain breadth-first search over the same cells.
+// The static heuristic against a plain Dijkstra search over the same voxels.
 #include "planner_daemon/search/static_heuristic.h"
 
 #include <gtest/gtest.h>
 
-#include <deque>
-#include <map>
+#include <memory>
 #include <vector>
 
-#include "tests/support/random_map.h"
+#include "tests/support/plain_static_heuristic.h"
 
 namespace swarm {
 namespace {
@@ -16,142 +15,279 @@ using Eigen::Vector3d;
 using Eigen::Vector3i;
 
 constexpr double kClearance_m = 0.25;
+constexpr double kLow = -0.84, kHigh = 0.84;  // above and below a window of 2 m there is nowhere to fly
+constexpr int kPerCell = 16;
+constexpr std::int16_t kTooFar = 30'000;
 
-// Least steps from every open cell: to the goal's cell, or to a cell at the window's rim (or top or bottom) and
-// straight on from there.
-class PlainStaticHeuristic {
- public:
-  PlainStaticHeuristic(const Sogm& standing, const Vector3d& goal, double low_z, double high_z)
-      : size(cells_in(standing.geometry)), cell_m(kCellVoxels * standing.geometry.resolution_m) {
-    const GridGeometry& grid = standing.geometry;
-    const Vector3d corner = grid.origin.cast<double>() * grid.resolution_m;
-    const Vector3i goal_cell = ((goal - corner) / cell_m).array().floor().matrix().cast<int>();
-    steps.assign(static_cast<std::size_t>(size.prod()), kClosed);
-    std::multimap<int, Vector3i> seeds;
-    for_each([&](const Vector3i& cell) {
-      const Vector3d middle = corner + cell_m * (cell.cast<double>().array() + 0.5).matrix();
-      bool open = distance_to_occupied(standing, 0, middle, 1.0) > kClearance_m + 1e-6;
-      const double bottom = corner.z() + cell.z() * cell_m;
-      open = open && bottom + cell_m > low_z && bottom < high_z;
-      if (cell == goal_cell) open = true;
-      if (!open) return;
-      at(cell) = kUnknown;
-      const Vector3i last = size - Vector3i::Ones();
-      bool rim = cell.x() == 0 || cell.y() == 0 || cell.x() == last.x() || cell.y() == last.y();
-      rim = rim || (cell.z() == 0 && low_z < corner.z());  // beyond floor and ceiling only where the space goes on
-      rim = rim || (cell.z() == last.z() && high_z > corner.z() + cell_m * size.z());
-      if (!rim && cell != goal_cell) return;
-      seeds.emplace(static_cast<int>((goal - middle).cwiseAbs().maxCoeff() / cell_m), cell);
-    });
-    std::deque<std::pair<int, Vector3i>> queue;
-    for (int step = 0; !queue.empty() || !seeds.empty(); ++step) {
-      while (!seeds.empty() && seeds.begin()->first == step) {
-        queue.emplace_back(step, seeds.begin()->second);
-        seeds.erase(seeds.begin());
-      }
-      for (std::size_t n = queue.size(); n > 0; --n) {
-        const Vector3i cell = queue.front().second;
-        queue.pop_front();
-        if (at(cell) != kUnknown) continue;
-        at(cell) = step;
-        for (int k = 0; k < 27; ++k) {
-          const Vector3i next = cell + Vector3i(k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1);
-          if ((next.array() >= 0).all() && (next.array() < size.array()).all() && at(next) == kUnknown)
-            queue.emplace_back(step + 1, next);
-        }
-      }
-    }
-  }
-
-  template <class Visit>
-  void for_each(const Visit& visit) {
-    for (int x = 0; x < size.x(); ++x) {
-      for (int y = 0; y < size.y(); ++y) {
-        for (int z = 0; z < size.z(); ++z) visit(Vector3i(x, y, z));
-      }
-    }
-  }
-  int& at(const Vector3i& cell) {
-    return steps[static_cast<std::size_t>((cell.x() * size.y() + cell.y()) * size.z() + cell.z())];
-  }
-
-  static constexpr int kUnknown = -1, kClosed = -2;
-  Vector3i size;
-  double cell_m;
-  std::vector<int> steps;
+struct StaticScene {
+  Sogm standing;
+  Vector3d goal;
+  double low_z, high_z;
+  std::unique_ptr<Guidance> guidance;  // of what stands farther away as well
 };
 
-TEST(StaticHeuristicTest, EqualsAPlainBreadthFirstSearch) {
-  Rng rng(3);
-  StaticHeuristic static_heuristic;
-  int closed = 0, detours = 0, cells = 0;
-  for (int trial = 0; trial < 40; ++trial) {
-    // Even and odd sizes; columns of one, two and three words of cells.
-    const Vector3d size_m = trial % 4 == 3 ? Vector3d(1.1, 0.9, 14.0 + 6 * (trial % 3)) : Vector3d(4, 3.1, 2.1);
-    Sogm standing = empty_map(size_m, 0.1, 1, Utime(), 100ms);
-    const Vector3d half = size_m / 2;
-    for (int i = 0; i < 12; ++i) mark_ball(&standing, 0, in_box(rng, -half, half), uniform(rng, 0.1, 0.7), i % 3 == 0);
-    if (trial % 2 == 0) mark_box(&standing, {0, -9, -9}, {0.3, uniform(rng, 0, 1), 99}, 0, 0);
-    const Vector3d goal = trial % 5 == 0 ? in_box(rng, -4 * half, 4 * half) : in_box(rng, -half, half);
-    const double low_z = uniform(rng, -2, -0.5), high_z = uniform(rng, 0.4, 9);
-    static_heuristic.build({&standing}, kClearance_m, goal, low_z, high_z);
-    PlainStaticHeuristic plain(standing, goal, low_z, high_z);
-    const Vector3d corner = standing.geometry.origin.cast<double>() * 0.1;
-    plain.for_each([&](const Vector3i& cell) {
-      SCOPED_TRACE(testing::Message() << "trial " << trial << " cell " << cell.transpose());
-      const Vector3d inside =
-          corner + plain.cell_m * (cell.cast<double>() + in_box(rng, {0.01, 0.01, 0.01}, {0.99, 0.99, 0.99}));
-      // Looked up from a window that has moved since, by less than half a cell more.
-      const Vector3i moved(uniform_int(rng, -2, 2), uniform_int(rng, -2, 2), uniform_int(rng, -2, 2));
-      const Vector3d later = corner + plain.cell_m * moved.cast<double>() + in_cube(rng, 0.45 * plain.cell_m);
-      const Vector3i from = cell - moved;
-      std::vector<std::int16_t> steps(static_cast<std::size_t>(plain.size.z()), 7);
-      static_heuristic.steps(later, from.x(), from.y(), 1, plain.size.z(), steps.size(), steps.data());
-      if (from.z() >= 0 && from.z() < plain.size.z()) {
-        ASSERT_EQ(std::max(0, int{steps[static_cast<std::size_t>(from.z())]}), std::max(0, plain.at(cell)));
-      }
-      ++cells;
-      closed += plain.at(cell) == PlainStaticHeuristic::kClosed;
-      detours += plain.cell_m * plain.at(cell) > (goal - inside).cwiseAbs().maxCoeff() + 2 * plain.cell_m;
-    });
+// Some of them walled, some with a goal outside the window or too deep in something, some guided.
+StaticScene random_scene(int trial, const Vector3d& size_m, Rng& rng) {
+  StaticScene scene;
+  scene.standing = empty_map(size_m, 0.1, 1, Utime(), 100ms);
+  scene.standing.geometry.origin += Vector3i(uniform_int(rng, -9, 9), uniform_int(rng, -9, 9), 0);
+  const Vector3d half = size_m / 2;
+  for (int i = 0; i < 10; ++i)
+    mark_ball(&scene.standing, 0, in_box(rng, -half, half), uniform(rng, 0.1, 0.6), i % 3 == 0);
+  if (trial % 2 == 0) mark_box(&scene.standing, {0.3, -9, -99}, {0.6, uniform(rng, 0, 1), 99}, 0, 0);
+  scene.goal = trial % 5 < 2 ? in_box(rng, -3 * half, 3 * half) : in_box(rng, -half, half);
+  scene.low_z = uniform(rng, -0.7, -0.4) * size_m.z();
+  scene.high_z = uniform(rng, 0.3, 0.7) * size_m.z();
+  if (trial % 3 == 0) {
+    Sogm wide = empty_map(3 * size_m, 0.1, 1, Utime(), 100ms);
+    for (int i = 0; i < 20; ++i) mark_ball(&wide, 0, in_box(rng, -3 * half, 3 * half), uniform(rng, 0.3, 1.2), true);
+    scene.guidance = std::make_unique<Guidance>(GlobalMapOptions(), kClearance_m, Vector3d(-9, -9, scene.low_z),
+                                                Vector3d(9, 9, scene.high_z));
+    scene.guidance->update(wide, wide, scene.goal);
   }
-  EXPECT_GT(closed, cells / 50);
-  EXPECT_GT(detours, cells / 400);
+  return scene;
 }
 
-TEST(StaticHeuristicTest, KnowsNothingOutsideItsWindow) {
-  StaticHeuristic static_heuristic;
-  Sogm standing = empty_map({3, 3, 3}, 0.1, 1, Utime(), 100ms);
-  mark_box(&standing, {-0.3, -0.3, -0.3}, {0.3, 0.3, 0.3});
-  static_heuristic.build({&standing}, kClearance_m, Vector3d(1.2, 0, 0), -1.5, 1.5);
-  const auto steps = [&](const Vector3d& corner, int x, int y) {
-    std::vector<std::int16_t> out(34, 7);
-    static_heuristic.steps(corner, x, y - 1, 3, 10, 12, out.data());  // the column between two others
-    EXPECT_EQ(out[10], 7);
-    EXPECT_EQ(out[11], 7);
-    return std::vector<std::int16_t>(out.begin() + 12, out.begin() + 22);
-  };
-  const std::vector<std::int16_t> none(10, -1), there = steps({-1.5, -1.5, -1.5}, 0, 0);
-  EXPECT_GT(there[0], 0);
-  EXPECT_EQ(steps({-1.5, -1.5, -1.5}, 10, 0), none);
-  EXPECT_EQ(steps({-1.5, -1.5, -1.5}, 0, -1), none);
-  EXPECT_EQ(steps({-1.5, -1.5, 1.5}, 0, 0), none);
-  EXPECT_EQ(steps({-1.5, -1.5, -4.5}, 0, 0), none);
-  const std::vector<std::int16_t> higher = steps({-1.5, -1.5, -0.9}, 0, 0);
-  EXPECT_EQ(higher[0], there[2]);
-  EXPECT_EQ(higher[7], there[9]);
-  EXPECT_EQ(higher[8], -1);
+struct Comparison {
+  int cells = 0, unreached = 0, detours = 0, cut_off = 0;
+};
+
+// Looked up from its own window, and from one that has moved since.
+void compare(const StaticScene& scene, const StaticHeuristic& heuristic, const PlainStaticHeuristic& plain, Rng& rng,
+             Comparison* sum) {
+  ASSERT_EQ(heuristic.empty(), plain.nothing_stands && (scene.guidance == nullptr || scene.guidance->empty()));
+  if (heuristic.empty()) return;
+  ASSERT_EQ(heuristic.is_cut_off(), plain.is_cut_off());
+  sum->cut_off += plain.is_cut_off();
+  const int num_z = plain.cells.z() + 2, stride = num_z + 3;
+  for (int move = 0; move < 3; ++move) {
+    const Vector3i moved = move == 0
+                               ? Vector3i::Zero().eval()
+                               : Vector3i(uniform_int(rng, -7, 7), uniform_int(rng, -7, 7), uniform_int(rng, -4, 4));
+    const Vector3i origin = plain.grid.origin + moved;
+    for (int x = -1; x <= plain.cells.x(); ++x) {
+      const int first_y = uniform_int(rng, -1, 2), num_y = uniform_int(rng, 1, plain.cells.y());
+      std::vector<std::int16_t> out(static_cast<std::size_t>(num_y * stride), 7);
+      heuristic.ticks(origin, x, first_y, num_y, num_z, static_cast<std::size_t>(stride), kPerCell, kTooFar,
+                      out.data());
+      for (int i = 0; i < num_y * stride; ++i) {
+        const Vector3i cell(x, first_y + i / stride, i % stride);
+        const int expected = cell.z() < num_z ? plain.ticks(origin, cell, kPerCell, kTooFar) : kTooFar;
+        ASSERT_EQ(out[static_cast<std::size_t>(i)], expected)
+            << "cell " << cell.transpose() << " of a window moved by " << moved.transpose();
+        ++sum->cells;
+        sum->unreached += expected == kTooFar;
+        const Vector3i middle = moved + Vector3i::Ones() + kCellVoxels * cell;
+        sum->detours += expected != kTooFar &&
+                        expected > kPerCell * (plain.goal_voxel - middle).cwiseAbs().maxCoeff() / kCellVoxels + 40;
+      }
+    }
+  }
+}
+
+TEST(StaticHeuristicTest, EqualsAPlainDijkstraSearch) {
+  Rng rng(3);
+  StaticHeuristic heuristic;
+  Comparison sum;
+  for (int trial = 0; trial < 24; ++trial) {  // whole cells and rests
+    const StaticScene scene = random_scene(trial, {2.7 + 0.1 * (trial % 3), 2.5, 1.3 + 0.1 * (trial % 4)}, rng);
+    SCOPED_TRACE(testing::Message() << "trial " << trial << ", goal " << scene.goal.transpose());
+    heuristic.build({&scene.standing}, kClearance_m, scene.goal, scene.low_z, scene.high_z, scene.guidance.get());
+    const PlainStaticHeuristic plain(scene.standing, kClearance_m, scene.goal, scene.low_z, scene.high_z,
+                                     scene.guidance.get());
+    ASSERT_NO_FATAL_FAILURE(compare(scene, heuristic, plain, rng, &sum));
+  }
+  EXPECT_GT(sum.cells, 20'000);
+  EXPECT_GT(sum.unreached, sum.cells / 10);
+  EXPECT_LT(sum.unreached, sum.cells - 5'000);
+  EXPECT_GT(sum.detours, 500);
+  EXPECT_GT(sum.cut_off, 1);
+  EXPECT_LT(sum.cut_off, 16);
+}
+
+// Columns of several words.
+TEST(StaticHeuristicTest, EqualsAPlainDijkstraSearchInHighWindows) {
+  Rng rng(4);
+  StaticHeuristic heuristic;
+  Comparison sum;
+  for (int trial = 0; trial < 6; ++trial) {
+    const StaticScene scene = random_scene(trial, {1.1, 1.3, 6.4 + 3.1 * (trial % 3)}, rng);
+    SCOPED_TRACE(testing::Message() << "trial " << trial << ", goal " << scene.goal.transpose());
+    heuristic.build({&scene.standing}, kClearance_m, scene.goal, scene.low_z, scene.high_z, scene.guidance.get());
+    const PlainStaticHeuristic plain(scene.standing, kClearance_m, scene.goal, scene.low_z, scene.high_z,
+                                     scene.guidance.get());
+    ASSERT_NO_FATAL_FAILURE(compare(scene, heuristic, plain, rng, &sum));
+  }
+  EXPECT_GT(sum.cells, 3'000);
+}
+
+// In a wall the way ends beside the goal when it lies at most 0.8 m deep; deeper, nowhere.
+TEST(StaticHeuristicTest, AGoalInAWallIsReachedBesideIt) {
+  Sogm standing = empty_map({5, 3, 3}, 0.1, 1, Utime(), 100ms);
+  mark_box(&standing, {0.7, -9, -9}, {2.9, 9, 9});  // blocked from 0.5 m on
+  for (const auto& [depth_m, is_reached] : {std::pair{0.05, true}, {0.45, true}, {0.75, true}, {0.85, false}}) {
+    StaticHeuristic heuristic;
+    const Vector3d goal(0.5 + depth_m, 0.05, 0.05);
+    // Nothing comes in from the edge: it is a world of its own.
+    Guidance nowhere({}, kClearance_m, {-9, -9, -9}, {9, 9, 9});
+    Sogm cage = empty_map({5, 5, 5}, 0.1, 1, Utime(), 100ms);
+    mark_box(&cage, {-9, -9, -9}, {9, 9, 9});
+    nowhere.update(cage, cage, {1.0, 0.0, 0.0});
+    ASSERT_FALSE(nowhere.empty());
+    heuristic.build({&standing}, kClearance_m, goal, -9, 9, &nowhere);
+    EXPECT_EQ(heuristic.is_cut_off(), !is_reached) << depth_m;
+  }
+}
+
+TEST(StaticHeuristicTest, AnEnclosedRobotIsCutOff) {
+  Sogm standing = empty_map({4, 4, 2}, 0.1, 1, Utime(), 100ms);
+  for (const double side : {-1.2, 1.1}) {
+    mark_box(&standing, {side, -1.2, -9}, {side + 0.1, 1.2, 9});
+    mark_box(&standing, {-1.2, side, -9}, {1.2, side + 0.1, 9});
+  }
+  StaticHeuristic heuristic;
+  heuristic.build({&standing}, kClearance_m, {1.8, 0, 0}, kLow, kHigh, nullptr);
+  EXPECT_FALSE(heuristic.empty());
+  EXPECT_TRUE(heuristic.is_cut_off());
+  EXPECT_FALSE(heuristic.waypoint({0, 0, 0}).has_value());
+  EXPECT_EQ(heuristic.blocked(11, 0, -10, 0), 0u);
+  heuristic.build({&standing}, kClearance_m, {0.5, 0.5, 0}, kLow, kHigh, nullptr);  // the goal is inside as well
+  EXPECT_FALSE(heuristic.is_cut_off());
+  EXPECT_NE(heuristic.blocked(11, 0, -10, 0), 0u);
+}
+
+TEST(StaticHeuristicTest, KnowsWhatIsBlocked) {
+  Rng rng(5);
+  StaticHeuristic heuristic;
+  for (const double height_m : {2.1, 9.7}) {
+    const StaticScene scene = random_scene(1, {2, 2, height_m}, rng);
+    heuristic.build({&scene.standing}, kClearance_m, {9, 9, 0}, -99, 99, nullptr);
+    ASSERT_FALSE(heuristic.empty() || heuristic.is_cut_off());
+    const PlainStaticHeuristic plain(scene.standing, kClearance_m, {9, 9, 0}, -99, 99, nullptr);
+    for (int i = 0; i < 3000; ++i) {
+      const Vector3i at(uniform_int(rng, -3, 22), uniform_int(rng, -3, 22), uniform_int(rng, -70, 100));
+      const int w = uniform_int(rng, 0, 1);
+      const Vector3i place = at + plain.grid.origin;
+      const std::uint64_t bits = heuristic.blocked(place.x(), place.y(), place.z(), w);
+      for (int k = 0; k < 64; ++k) {
+        const Vector3i voxel = at + Vector3i(0, 0, 64 * w + k);
+        ASSERT_EQ(bits >> k & 1, plain.is_too_close(voxel)) << voxel.transpose();
+      }
+    }
+  }
+}
+
+// Out of a dead end, whatever else stands around.
+TEST(StaticHeuristicTest, WaypointsLeadAroundWhatStandsStill) {
+  Rng rng(6);
+  StaticHeuristic heuristic;
+  int found = 0, straight = 0, missing = 0;
+  for (int trial = 0; trial < 6; ++trial) {
+    StaticScene scene;
+    scene.standing = empty_map({7.2, 7.2, 1.1}, 0.1, 1, Utime(), 100ms);
+    const double half_m = uniform(rng, 1.2, 1.8);
+    mark_box(&scene.standing, {0.8, -half_m, -9}, {1.0, half_m, 9});
+    for (const double side : {-1.0, 1.0})
+      mark_box(&scene.standing, {-0.5, side * half_m - 0.1, -9}, {1.0, side * half_m + 0.1, 9});
+    for (int i = 0; i < 5; ++i) mark_ball(&scene.standing, 0, in_box(rng, {-3, -3, 0}, {3, 3, 0}), 0.15, true);
+    scene.goal = in_box(rng, {2, -1, -0.3}, {5, 1, 0.3});
+    scene.low_z = -0.34;
+    scene.high_z = 0.34;
+    heuristic.build({&scene.standing}, kClearance_m, scene.goal, scene.low_z, scene.high_z, nullptr);
+    if (heuristic.is_cut_off()) continue;
+    const PlainStaticHeuristic plain(scene.standing, kClearance_m, scene.goal, scene.low_z, scene.high_z, nullptr);
+    const Vector3d corner = plain.grid.origin.cast<double>() * 0.1;
+    const double cell_m = 0.1 * kCellVoxels;
+    const auto cell_of = [&](const Vector3d& place) -> Vector3i {
+      return ((place - corner) / cell_m).array().floor().matrix().cast<int>();
+    };
+    for (int i = 0; i < 60; ++i) {
+      const Vector3d place =
+          i % 3 == 0 ? in_box(rng, {-3, -3, -0.3}, {3, 3, 0.3}) : in_box(rng, {-1, -1, -0.3}, {1, 1, 0.3});
+      SCOPED_TRACE(testing::Message() << "trial " << trial << " from " << place.transpose() << " to "
+                                      << scene.goal.transpose());
+      const int cost = plain.cost(cell_of(place));
+      if (cost == PlainWays::kNone) continue;
+      const bool is_detour = cost - Wavefront::straight_cost(plain.goal_voxel - plain.grid.voxel_of(place)) >= 50;
+      const auto waypoint = heuristic.waypoint(place);
+      if (!is_detour) {
+        ++straight;
+        ASSERT_FALSE(waypoint.has_value());
+        continue;
+      }
+      missing += !waypoint.has_value();
+      if (!waypoint) continue;
+      ++found;
+      ASSERT_LT(waypoint->cost, cost);
+      ASSERT_EQ(waypoint->cost, plain.cost(cell_of(waypoint->position)));
+      // Seen from there: nowhere on the line a cell that is reached is farther than a quarter of its edge away.
+      for (double s = 0.0; s <= 1.0; s += 0.01) {
+        const Vector3d at = place + s * (waypoint->position - place);
+        bool is_reached = false;
+        for (int k = 0; k < 8; ++k) {
+          const Vector3d beside = at + 0.26 * cell_m * (Vector3d(k & 1, k >> 1 & 1, k >> 2).array() * 2 - 1).matrix();
+          const Vector3i cell = cell_of(beside).cwiseMax(0).cwiseMin(plain.cells - Vector3i::Ones());
+          is_reached = is_reached || plain.cost(cell) != PlainWays::kNone;
+        }
+        ASSERT_TRUE(is_reached) << at.transpose();
+      }
+    }
+  }
+  EXPECT_GT(found, 60);
+  EXPECT_GT(straight, 60);
+  EXPECT_LT(missing, found / 10);
+}
+
+// A wall across the way, but for its end: there the way leads first, and behind it there is no detour left.
+TEST(StaticHeuristicTest, TheWaypointLiesBesideTheEndOfAWall) {
+  Sogm standing = empty_map({8, 8, 2}, 0.1, 1, Utime(), 100ms);
+  mark_box(&standing, {1.0, -2.0, -9}, {1.2, 99, 9});
+  StaticHeuristic heuristic;
+  heuristic.build({&standing}, kClearance_m, {3, 0, 0}, kLow, kHigh, nullptr);
+  const auto waypoint = heuristic.waypoint({0.05, 0.05, 0.05});
+  ASSERT_TRUE(waypoint.has_value());
+  EXPECT_NEAR(waypoint->position.x(), 0.8, 0.4);
+  EXPECT_NEAR(waypoint->position.y(), -2.0, 0.5);
+  EXPECT_NEAR(waypoint->position.z(), 0.0, 0.4);
+  EXPECT_FALSE(heuristic.waypoint({1.6, -2.2, 0.0}).has_value());
+  EXPECT_FALSE(heuristic.waypoint({2.0, 0.0, 0.0}).has_value());
+  EXPECT_FALSE(heuristic.waypoint({99.0, 0.0, 0.0}).has_value()) << "outside the window";
+}
+
+// Nothing stands in the window, but a wall behind its edge: the guidance knows.
+TEST(StaticHeuristicTest, GoesOnAsTheGuidanceKnows) {
+  const Sogm standing = empty_map({4, 4, 2}, 0.1, 1, Utime(), 100ms);
+  Sogm wide = empty_map({16, 16, 2}, 0.1, 1, Utime(), 100ms);
+  mark_box(&wide, {3.0, -4.5, -9}, {3.2, 99, 9});
+  const Vector3d goal(5, 2, 0);
+  Guidance guidance({}, kClearance_m, {-6, -6, kLow}, {6, 6, kHigh});
+  guidance.update(wide, wide, goal);
+  ASSERT_FALSE(guidance.empty());
+  StaticHeuristic heuristic;
+  heuristic.build({&standing}, kClearance_m, goal, kLow, kHigh, &guidance);
+  ASSERT_FALSE(heuristic.empty());
+  const auto waypoint = heuristic.waypoint({0.05, 0.05, 0.05});
+  ASSERT_TRUE(waypoint.has_value());
+  EXPECT_LT(waypoint->position.y(), -1.6) << "down to the wall's end";
+  heuristic.build({&standing}, kClearance_m, goal, kLow, kHigh, nullptr);
+  EXPECT_TRUE(heuristic.empty());
 }
 
 TEST(StaticHeuristicTest, SaysNothingWhereNothingStands) {
-  StaticHeuristic static_heuristic;
+  StaticHeuristic heuristic;
+  const Guidance guidance({}, kClearance_m, {-9, -9, -9}, {9, 9, 9});
   const Sogm standing = empty_map({2, 2, 2}, 0.1, 1, Utime(), 100ms);
-  static_heuristic.build({&standing}, kClearance_m, Vector3d::Zero(), -1, 1);
-  EXPECT_TRUE(static_heuristic.empty());
+  for (const Guidance* none : {static_cast<const Guidance*>(nullptr), &guidance}) {
+    heuristic.build({&standing}, kClearance_m, Vector3d::Zero(), -1, 1, none);
+    EXPECT_TRUE(heuristic.empty());
+    EXPECT_FALSE(heuristic.is_cut_off());
+    EXPECT_FALSE(heuristic.waypoint({0, 0, 0}).has_value());
+    EXPECT_EQ(heuristic.blocked(0, 0, 0, 0), 0u);
+  }
   Sogm small = empty_map({0.1, 2, 2}, 0.1, 1, Utime(), 100ms);  // less than half a cell
   mark_box(&small, {-1, -1, -1}, {1, 1, 1});
-  static_heuristic.build({&small}, kClearance_m, Vector3d::Zero(), -1, 1);
-  EXPECT_TRUE(static_heuristic.empty());
+  heuristic.build({&small}, kClearance_m, Vector3d::Zero(), -1, 1, nullptr);
+  EXPECT_TRUE(heuristic.empty());
 }
 
 }  // namespace

@@ -19,8 +19,9 @@ using Eigen::Vector3i;
 constexpr Duration kStep = 2ms;
 
 std::vector<Vector3d> positions_during(const Motion& motion, Utime from, Utime to) {
+  const Duration step = to - from > 500ms ? 5 * kStep : kStep;
   std::vector<Vector3d> positions;
-  for (Utime t = from; t <= to; t += kStep) positions.push_back(motion.at(std::min(t, to)).position);
+  for (Utime t = from; t <= to; t += step) positions.push_back(motion.at(std::min(t, to)).position);
   positions.push_back(motion.at(to).position);
   return positions;
 }
@@ -87,7 +88,7 @@ TEST(SweptVolumeTest, MarksWhatTheMotionSweepsInEachFrameAndLittleMore) {
   Rng rng(1);
   int switches_inside_a_frame = 0;
   std::int64_t marked = 0, needed = 0;
-  for (int trial = 0; trial < 60; ++trial) {
+  for (int trial = 0; trial < 40; ++trial) {
     const Sogm window = random_window(rng);
     const Motion motion = random_motion(rng, kStart - uniform_duration(rng, 0us, 1s), 2.0);
     const double radius = uniform(rng, 0.1, 0.5);
@@ -101,7 +102,8 @@ TEST(SweptVolumeTest, MarksWhatTheMotionSweepsInEachFrameAndLittleMore) {
     const GridGeometry& grid = sogm.geometry;
     for (int frame = 0; frame < sogm.num_frames; ++frame) {
       const Utime from = kStart + frame * sogm.frame_duration - error;
-      const Utime to = from + sogm.frame_duration + 2 * error;
+      Utime to = from + sogm.frame_duration + 2 * error;
+      if (frame + 1 == sogm.num_frames) to = std::max(to, motion.end_utime());  // it stays in force
       switches_inside_a_frame +=
           !motion.next.empty() && motion.next.start_utime() > from && motion.next.start_utime() < to;
       const std::vector<Vector3d> positions = positions_during(motion, from, to);

@@ -1,0 +1,157 @@
+#include "planner_daemon/guidance/global_map.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "map_daemon/octomap_file.h"
+
+namespace swarm {
+namespace {
+
+constexpr int kTile = 8;          // columns along each edge of what stands still or not
+constexpr double kNear_m = 3.0;   // sensors see everything there
+constexpr double kSlack_m = 8.0;  // more than what must be held: it is laid out anew now and then only
+constexpr double kGoal_m = 40.0;  // goals farther from what is known wait until the robot comes closer
+constexpr int kStrip = 64;        // columns along x that are dilated at once: little workspace
+
+// The first multiple of kTile at or after `voxel`.
+int tile_after(int voxel) {
+  return (voxel + 1'000 * kTile * kTile + kTile - 1) / kTile * kTile - 1'000 * kTile * kTile;
+}
+
+}  // namespace
+
+GlobalMap::GlobalMap(const GlobalMapOptions& options, double blocked_m, const Eigen::Vector3d& space_min,
+                     const Eigen::Vector3d& space_max)
+    : options_(options), blocked_m_(blocked_m), space_min_(space_min), space_max_(space_max) {
+  if (!options.static_map.empty()) tree_ = read_octomap(options.static_map);
+}
+
+bool GlobalMap::see(const Sogm& sogm, const Sogm& standing, const Eigen::Vector3d& goal) {
+  const GridGeometry& window = sogm.geometry;
+  bool changed = cover(window, goal);
+  const GridGeometry& grid = occupied_.geometry;
+  const int words = window.words_per_column(), grid_words = grid.words_per_column();
+  const Eigen::Vector3i shift = window.origin - grid.origin;  // index in the window + shift = index here
+  window_column_.resize(2 * static_cast<std::size_t>(grid_words));
+  std::uint64_t *inside = window_column_.data(),
+                *seen = inside + grid_words;  // of the window along z; what stands there
+  std::fill_n(inside, grid_words, 0);
+  set_run(shift.z(), shift.z() + window.size.z() - 1, grid.size.z(), inside);
+  const Eigen::Vector2i first(tile_after(window.origin.x()), tile_after(window.origin.y()));
+  const Eigen::Vector2d middle = window.size.head<2>().cast<double>() / 2.0;
+  const auto n = static_cast<std::size_t>(kTile * words);
+  for (int tile_x = first.x() - window.origin.x(); tile_x + kTile <= window.size.x(); tile_x += kTile) {
+    for (int tile_y = first.y() - window.origin.y(); tile_y + kTile <= window.size.y(); tile_y += kTile) {
+      bool still = true;
+      for (int x = tile_x; x < tile_x + kTile && still; ++x) {
+        const std::uint64_t* row = standing.column(0, x, tile_y);
+        still = std::equal(row, row + n, sogm.column(0, x, tile_y)) &&
+                std::equal(row, row + n, sogm.column(sogm.num_frames - 1, x, tile_y));
+      }
+      if (!still) continue;
+      const Eigen::Vector2d away = Eigen::Vector2d(tile_x + kTile / 2.0, tile_y + kTile / 2.0) - middle;
+      const bool is_near = away.norm() * window.resolution_m < kNear_m;
+      bool differs = false;
+      for (int x = std::max(tile_x, -shift.x()); x < std::min(tile_x + kTile, grid.size.x() - shift.x()); ++x) {
+        for (int y = std::max(tile_y, -shift.y()); y < std::min(tile_y + kTile, grid.size.y() - shift.y()); ++y) {
+          std::uint64_t* known = occupied_.column(0, x + shift.x(), y + shift.y());
+          for (int w = 0; w < grid_words; ++w) {
+            seen[w] = word_of_column(standing.column(0, x, y), words, w, -shift.z()) & inside[w];
+            if (!is_near) seen[w] |= known[w] & inside[w];
+            const std::uint64_t now = (known[w] & ~inside[w]) | seen[w];
+            differs = differs || now != known[w];
+            known[w] = now;
+          }
+        }
+      }
+      if (!differs) continue;
+      const Eigen::Vector2i corner = Eigen::Vector2i(tile_x, tile_y) + shift.head<2>();
+      block(Columns{corner, corner.array() + kTile - 1}.grown(dilator_.radius_voxels(), grid));
+      changed = true;
+    }
+  }
+  if (changed) empty_ = std::ranges::all_of(occupied_.words, [](std::uint64_t word) { return word == 0; });
+  return changed;
+}
+
+void GlobalMap::forget_seen() {
+  if (occupied_.num_frames == 0) return;
+  std::ranges::fill(occupied_.words, 0);
+  if (file_) file_->copy_into(&occupied_);
+  block_all();
+}
+
+// True: it was laid out anew.
+bool GlobalMap::cover(const GridGeometry& window, const Eigen::Vector3d& goal) {
+  const double resolution_m = window.resolution_m;
+  if (occupied_.num_frames > 0 && occupied_.geometry.resolution_m != resolution_m) occupied_ = Sogm();
+  const auto lattice = [&](const Eigen::Vector3d& place) -> Eigen::Vector3i {
+    const Eigen::Array3d voxel = (place.array() / resolution_m).floor();
+    return voxel.max(-1e8).min(1e8).matrix().cast<int>();
+  };
+  const int around = static_cast<int>(std::ceil(blocked_m_ / resolution_m)) + 1;
+  const int slack = static_cast<int>(std::ceil(kSlack_m / resolution_m));
+  const Box space = Box{lattice(space_min_), lattice(space_max_)}.grown(around);
+  const Box near = box_of(window).cut(space), target = Box{lattice(goal), lattice(goal)}.grown(around).cut(space);
+  if ((near.first.array() > near.last.array()).any()) return false;  // the robot is far outside the flight space
+  const bool begins = occupied_.num_frames == 0;
+  if (begins && tree_ != nullptr) file_.emplace(*tree_, options_.static_map, resolution_m, options_.margin_m);
+  Box box = near.grown(slack).cut(space);
+  if (!begins) box = box_of(occupied_.geometry).united(box);
+  if (begins && file_ && file_->geometry().size.x() > 0)
+    box = box.united(box_of(file_->geometry()).grown(slack).cut(space));
+  const Box reach = box.grown(static_cast<int>(std::ceil(kGoal_m / resolution_m)));
+  const bool has_target = (target.first.array() <= target.last.array()).all() && reach.holds(target) &&
+                          box.united(target.grown(slack).cut(space)).voxels() <= kMaxVoxels;
+  if (!begins && box_of(occupied_.geometry).holds(has_target ? near.united(target) : near)) return false;
+  if (has_target) box = box.united(target.grown(slack).cut(space));
+  if (box.voxels() > kMaxVoxels) box = near.grown(slack).cut(space);
+  lay_out(box, resolution_m);
+  return true;
+}
+
+// What was known stays, as far as there is room.
+void GlobalMap::lay_out(const Box& box, double resolution_m) {
+  const Sogm before = std::move(occupied_);
+  occupied_ = Sogm();
+  occupied_.reset(box.geometry(resolution_m), 1, Utime(), 1us);
+  add_first_frame(before, &occupied_);
+  if (file_) file_->copy_into(&occupied_);
+  dilator_.set(occupied_.geometry, blocked_m_);
+  blocked_.reset(occupied_.geometry, 1, Utime(), 1us);
+  block_all();
+}
+
+void GlobalMap::block_all() {
+  empty_ = std::ranges::all_of(occupied_.words, [](std::uint64_t word) { return word == 0; });
+  const Columns all = all_columns(occupied_.geometry);
+  for (int x = 0; x <= all.last.x(); x += kStrip)
+    block({{x, 0}, {std::min(x + kStrip - 1, all.last.x()), all.last.y()}});
+}
+
+// Works out where the centre may not be, in these columns.
+void GlobalMap::block(const Columns& columns) {
+  if (columns.empty()) return;
+  const GridGeometry& grid = occupied_.geometry;
+  const Layer source = layer_of(occupied_, 0);
+  dilator_.dilate({&source, 1}, columns, blocked_.column(0, columns.first.x(), columns.first.y()), source.row);
+  const auto words = static_cast<std::size_t>(grid.words_per_column());
+  column_.assign(words, 0);  // inside the flight space
+  for (int z = 0; z < grid.size.z(); ++z) {
+    const double low = (z + grid.origin.z()) * grid.resolution_m;
+    if (low + grid.resolution_m >= space_min_.z() && low <= space_max_.z())
+      column_[static_cast<std::size_t>(z / 64)] |= std::uint64_t{1} << z % 64;
+  }
+  for (int x = columns.first.x(); x <= columns.last.x(); ++x) {
+    for (int y = columns.first.y(); y <= columns.last.y(); ++y) {
+      const Eigen::Array2d low = (grid.origin.head<2>() + Eigen::Vector2i(x, y)).cast<double>() * grid.resolution_m;
+      const bool inside = (low + grid.resolution_m >= space_min_.head<2>().array()).all() &&
+                          (low <= space_max_.head<2>().array()).all();
+      std::uint64_t* blocked = blocked_.column(0, x, y);
+      for (std::size_t w = 0; w < words; ++w) blocked[w] |= inside ? ~column_[w] : ~std::uint64_t{0};
+    }
+  }
+}
+
+}  // namespace swarm

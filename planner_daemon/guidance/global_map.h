@@ -1,0 +1,85 @@
+// What stands still, wherever it was seen: an OctoMap and what the SOGMs showed since.
+#pragma once
+
+#include <octomap/OcTree.h>
+
+#include <Eigen/Geometry>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "map_daemon/dilation.h"
+#include "map_daemon/static_map.h"
+
+namespace swarm {
+
+struct GlobalMapOptions {
+  std::string static_map;  // OctoMap file; empty: none
+  double margin_m = 0.05;  // voxels whose centres come this close to one of its leaves are occupied, as in the SOGM
+};
+
+// A grid that grows with what it is told to hold, but never beyond kMaxVoxels: then it holds less, and at the least
+// what lies around the robot.
+class GlobalMap {
+ public:
+  static constexpr double kMaxVoxels = 1 << 28;  // 32 MB for each of two grids
+
+  // The robot's centre stays `blocked_m` away from what is occupied, and within [space_min, space_max], W [m].
+  // Throws what read_octomap() throws.
+  GlobalMap(const GlobalMapOptions& options, double blocked_m, const Eigen::Vector3d& space_min,
+            const Eigen::Vector3d& space_max);
+
+  // Takes in what stands still in the window of `sogm`: tiles of it in which nothing changes from frame to frame.
+  // `standing`, of the same window, is what is occupied in all frames. Where the robot, in the middle of the window, is
+  // near, what is gone is forgotten. True: the map is another one now. Throws what StaticMap throws when the first SOGM
+  // comes, or one of other voxels: then nothing but the file is kept.
+  bool see(const Sogm& sogm, const Sogm& standing, const Eigen::Vector3d& goal);
+  // All that was seen, but not the file.
+  void forget_seen();
+
+  // Nothing stands anywhere.
+  bool empty() const { return empty_; }
+  // Whether the robot's centre may be in a voxel of the lattice, as far as the flight space goes.
+  bool in_flight_space(const Eigen::Vector3i& voxel) const {
+    const Eigen::Array3d low = voxel.cast<double>().array() * occupied_.geometry.resolution_m;
+    return (low + occupied_.geometry.resolution_m >= space_min_.array()).all() && (low <= space_max_.array()).all();
+  }
+  // Where the robot's centre may not be, or beyond the flight space: one frame. Bits above the grid are set.
+  const Sogm& blocked() const { return blocked_; }
+
+ private:
+  // Voxels of the lattice: [first, last].
+  struct Box {
+    Eigen::Vector3i first, last;
+
+    GridGeometry geometry(double resolution_m) const {
+      return {resolution_m, first, last - first + Eigen::Vector3i::Ones()};
+    }
+    double voxels() const { return (last - first + Eigen::Vector3i::Ones()).cast<double>().prod(); }
+    Box united(const Box& other) const { return {first.cwiseMin(other.first), last.cwiseMax(other.last)}; }
+    Box grown(int voxels) const { return {first.array() - voxels, last.array() + voxels}; }
+    Box cut(const Box& other) const { return {first.cwiseMax(other.first), last.cwiseMin(other.last)}; }
+    bool holds(const Box& other) const { return united(other).first == first && united(other).last == last; }
+  };
+  static Box box_of(const GridGeometry& geometry) {
+    return {geometry.origin, geometry.origin + geometry.size - Eigen::Vector3i::Ones()};
+  }
+
+  bool cover(const GridGeometry& window, const Eigen::Vector3d& goal);
+  void lay_out(const Box& box, double resolution_m);
+  void block(const Columns& columns);
+  void block_all();
+
+  GlobalMapOptions options_;
+  double blocked_m_;
+  Eigen::Vector3d space_min_, space_max_;
+  std::unique_ptr<octomap::OcTree> tree_;
+  std::optional<StaticMap> file_;  // its voxels
+  Sogm occupied_, blocked_;        // one frame each, the same geometry
+  bool empty_ = true;
+  Dilator dilator_;
+  std::vector<std::uint64_t> column_, window_column_;
+};
+
+}  // namespace swarm

@@ -1,0 +1,75 @@
+#include "planner_daemon/guidance/guidance.h"
+
+#include <cmath>
+
+namespace swarm {
+namespace {
+
+// Words of the front that are worked out for another goal at once (about 20 ms), with each plan until then, and with
+// each plan while older ways still serve.
+constexpr std::int64_t kAtOnce = 500'000, kUntilItServes = 50'000, kEachTime = 3'000;
+
+}  // namespace
+
+void Guidance::update(const Sogm& sogm, const Sogm& standing, const Eigen::Vector3d& goal) {
+  is_stale_ = map_.see(sogm, standing, goal) || is_stale_;
+  const bool is_new = goal != goal_ || sogm.geometry.resolution_m != resolution_m_;
+  if (is_new) {
+    goal_ = goal;
+    resolution_m_ = sogm.geometry.resolution_m;
+    goal_voxel_ = (goal.array() / sogm.geometry.resolution_m).floor().max(-1e8).min(1e8).matrix().cast<int>();
+  }
+  if (map_.empty()) {
+    empty_ = true;
+    works_ = false;
+  } else if (is_new) {
+    empty_ = true;
+    begin();
+    work_on(kAtOnce);
+  } else if (is_stale_ && !works_) {
+    begin();
+  }
+}
+
+void Guidance::work() {
+  if (works_) work_on(empty_ ? kUntilItServes : kEachTime);
+}
+
+void Guidance::work_on(std::int64_t words) {
+  if (!fields_[static_cast<std::size_t>(1 - serves_)].front.advance(words)) return;
+  serves_ = 1 - serves_;
+  works_ = empty_ = false;
+}
+
+// Where the goal lies outside what is known, the way leads there from the edge.
+void Guidance::begin() {
+  Field& field = fields_[static_cast<std::size_t>(1 - serves_)];
+  const Sogm& blocked = map_.blocked();
+  const GridGeometry& grid = blocked.geometry;
+  field.grid = grid;
+  Wavefront& front = field.front;
+  front.lay_out(grid.size, kCell);
+  const int words = grid.words_per_column();
+  const std::uint64_t top = grid.size.z() % 64 == 0 ? ~std::uint64_t{0} : (std::uint64_t{1} << grid.size.z() % 64) - 1;
+  for (int x = 0; x < grid.size.x(); ++x) {
+    for (int y = 0; y < grid.size.y(); ++y) {
+      const std::uint64_t* in = blocked.column(0, x, y);
+      std::uint64_t* open = front.open(x, y);
+      for (int w = 0; w < words; ++w) open[w] = ~in[w] & (w == words - 1 ? top : ~std::uint64_t{0});
+    }
+  }
+  front.seed_goal(goal_voxel_ - grid.origin, kBeside_m / grid.resolution_m);
+  if (!grid.contains(goal_voxel_ - grid.origin))
+    front.seed_edge([&](const Eigen::Vector3i& voxel) { return straight_cost(voxel + grid.origin); });
+  works_ = true;
+  is_stale_ = false;
+}
+
+int Guidance::cost(const Eigen::Vector3i& voxel) const {
+  const Field& field = fields_[static_cast<std::size_t>(serves_)];
+  const Eigen::Vector3i at = voxel - field.grid.origin;
+  if (field.grid.contains(at)) return field.front.cost(at / kCell);
+  return map_.in_flight_space(voxel) ? straight_cost(voxel) : Wavefront::kUnreached;
+}
+
+}  // namespace swarm

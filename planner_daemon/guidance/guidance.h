@@ -1,0 +1,53 @@
+// The way to the goal through all that is known to stand still, from everywhere.
+#pragma once
+
+#include <array>
+
+#include "planner_daemon/guidance/global_map.h"
+#include "planner_daemon/guidance/wavefront.h"
+
+namespace swarm {
+
+class Guidance {
+ public:
+  static constexpr double kBeside_m = 0.8;  // so far from a goal that is blocked the way may end
+
+  // Throws what GlobalMap throws.
+  Guidance(const GlobalMapOptions& options, double blocked_m, const Eigen::Vector3d& space_min,
+           const Eigen::Vector3d& space_max)
+      : map_(options, blocked_m, space_min, space_max) {}
+
+  // What stands still in the newest SOGM, see GlobalMap::see(). For another goal the ways are worked out at once, in a
+  // map beyond some 10,000 m2 also in the next work()s, straight ones serving until then; when the map changed, bit by
+  // bit in work(), while those there are still serve.
+  void update(const Sogm& sogm, const Sogm& standing, const Eigen::Vector3d& goal);
+  // A little of what is to do.
+  void work();
+
+  // Nothing stands between anywhere and the goal, or nothing is known: the way is straight.
+  bool empty() const { return empty_; }
+  // From the voxel of the lattice [Wavefront::Cost]; kUnreached: there is no way. Beyond what is known, straight.
+  int cost(const Eigen::Vector3i& voxel) const;
+  // As if nothing were in the way.
+  int straight_cost(const Eigen::Vector3i& voxel) const { return Wavefront::straight_cost(voxel - goal_voxel_); }
+
+ private:
+  static constexpr int kCell = 2;  // voxels along each edge of what a cost is kept for
+  struct Field {
+    Wavefront front;
+    GridGeometry grid;
+  };
+
+  void begin();
+  void work_on(std::int64_t words);
+
+  GlobalMap map_;
+  Eigen::Vector3d goal_ = Eigen::Vector3d::Constant(std::numeric_limits<double>::quiet_NaN());
+  double resolution_m_ = 0.0;                             // of the SOGM
+  Eigen::Vector3i goal_voxel_ = Eigen::Vector3i::Zero();  // of the lattice
+  std::array<Field, 2> fields_;
+  int serves_ = 0;  // of fields_: complete
+  bool empty_ = true, works_ = false, is_stale_ = false;
+};
+
+}  // namespace swarm
