@@ -141,7 +141,10 @@ void Planner::build_heuristics(const PlanRequest& request) {
   const double blocked_m = config_.space.blocked_m();
   if (!static_key_.serves(request, kStaticHeuristicAge)) {  // what stands still changes slowly
     const Occupancy standing = space_.compose_standing(*request.peers);
-    if (!request.is_aside) guidance_.update(*request.sogm, *standing.sogm, request.goal);
+    if (!request.is_aside) {
+      guidance_.reconsider(reachable_.center);
+      guidance_.update(*request.sogm, *standing.sogm, request.goal);
+    }
     const Guidance* guidance = request.is_aside ? nullptr : &guidance_;
     static_heuristic_.build(standing, blocked_m, request.goal, limits.space_min.z(), limits.space_max.z(), guidance);
     if (static_heuristic_.is_cut_off()) {  // by peers that hover in the way: they may go on

@@ -75,11 +75,14 @@ bool GlobalMap::see(const Sogm& sogm, const Sogm& standing, const Eigen::Vector3
   return changed;
 }
 
-void GlobalMap::forget_seen() {
-  if (occupied_.num_frames == 0) return;
+bool GlobalMap::forget_seen() {
+  if (occupied_.num_frames == 0) return false;
+  const std::vector<std::uint64_t> before = occupied_.words;
   std::ranges::fill(occupied_.words, 0);
   if (file_) file_->copy_into(&occupied_);
+  if (occupied_.words == before) return false;
   block_all();
+  return true;
 }
 
 // True: it was laid out anew.

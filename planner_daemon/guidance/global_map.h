@@ -35,8 +35,8 @@ class GlobalMap {
   // near, what is gone is forgotten. True: the map is another one now. Throws what StaticMap throws when the first SOGM
   // comes, or one of other voxels: then nothing but the file is kept.
   bool see(const Sogm& sogm, const Sogm& standing, const Eigen::Vector3d& goal);
-  // All that was seen, but not the file.
-  void forget_seen();
+  // All that was seen, but not the file. True: there was something.
+  bool forget_seen();
 
   // Nothing stands anywhere.
   bool empty() const { return empty_; }

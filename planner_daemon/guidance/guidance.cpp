@@ -31,6 +31,16 @@ void Guidance::update(const Sogm& sogm, const Sogm& standing, const Eigen::Vecto
   }
 }
 
+void Guidance::reconsider(const Eigen::Vector3d& place) {
+  if (empty_ || works_) return;
+  const Eigen::Vector3i voxel = (place.array() / resolution_m_).floor().max(-1e8).min(1e8).matrix().cast<int>();
+  for (int k = 0; k < 27; ++k) {  // the robot may touch what blocks it
+    const Eigen::Vector3i beside = voxel + 3 * Eigen::Vector3i(k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1);
+    if (cost(beside) != Wavefront::kUnreached) return;
+  }
+  if (map_.forget_seen()) is_stale_ = true;
+}
+
 void Guidance::work() {
   if (works_) work_on(empty_ ? kUntilItServes : kEachTime);
 }

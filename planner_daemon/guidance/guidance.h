@@ -21,6 +21,8 @@ class Guidance {
   // map beyond some 10,000 m2 also in the next work()s, straight ones serving until then; when the map changed, bit by
   // bit in work(), while those there are still serve.
   void update(const Sogm& sogm, const Sogm& standing, const Eigen::Vector3d& goal);
+  // Where no way leads from `place`, forgets what was seen: it may be gone since.
+  void reconsider(const Eigen::Vector3d& place);
   // A little of what is to do.
   void work();
 

@@ -163,6 +163,23 @@ TEST(GuidanceTest, TheWayIsStraightUntilItIsKnown) {
   expect_plain_ways(guide, kGoal);
 }
 
+// It may be gone since.
+TEST(GuidanceTest, ForgetsWhatItSawWhereThatClosesTheWay) {
+  Guide guide({-30, -5, -0.9}, {30, 5, 0.9});
+  const Vector3d place(-4.1, 0.1, 0.1);
+  guide.update(walled(false), kGoal);
+  guide.work(1000);
+  ASSERT_EQ(guide.cost_at(place), kUnreached);
+  Sogm away = window();  // beside the wall: it is not seen any more
+  away.geometry.origin.x() -= 36;
+  for (const bool is_cut_off : {false, true}) {
+    guide.guidance.reconsider(is_cut_off ? place : kGoal);
+    guide.update(away, kGoal);
+    guide.work(1000);
+    EXPECT_EQ(guide.guidance.empty(), is_cut_off);
+  }
+}
+
 // Too far for the map to hold it: in at the edge, and straight on from there.
 TEST(GuidanceTest, AGoalOutsideTheMapIsReachedFromItsEdge) {
   Guide guide({-9e3, -9e3, -0.9}, {9e3, 9e3, 0.9});
