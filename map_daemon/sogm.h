@@ -17,6 +17,11 @@ inline int floor_of(double value) {
   return whole - (value < whole ? 1 : 0);
 }
 
+// Index of the voxel of the world lattice that holds a place, W [m]; far away some voxel far away.
+inline Eigen::Vector3i lattice_voxel(const Eigen::Vector3d& place, double resolution_m) {
+  return (place.array() / resolution_m).floor().max(-1e8).min(1e8).matrix().cast<int>();
+}
+
 // Where a window of voxels lies. Voxel i of the world lattice spans [i, i + 1) * resolution along each axis of W, so
 // windows of different times share their voxels and the map never slides.
 struct GridGeometry {

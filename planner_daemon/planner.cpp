@@ -11,6 +11,7 @@ constexpr Duration kStaticHeuristicAge = 250ms, kSpaceTimeHeuristicAge = 75ms;
 constexpr Duration kClearStep = 20ms;
 constexpr double kKeepBonus_s = 0.05;  // of the motion already flown where the search got stuck
 constexpr double kGraze = 0.2;         // a violation so small, or so far ahead, is not worth giving up a plan
+constexpr double kTie = 1e-9;          // in danger, of two that violate alike the own motion stays
 constexpr double kWorthwhile = 3.0;    // an escape must violate so much less to be worth its rough flight
 
 // A plan leaves the own motion between two knots, where speed may still rise a little: some is kept for that.
@@ -311,7 +312,7 @@ void Planner::choose() {
       planned = &other;
   }
   const bool in_danger = path_.left_blocked || result_.search_status == SearchStatus::kPartial;
-  const double graze = in_danger ? -1e-9 : kGraze;
+  const double graze = in_danger ? -kTie : kGraze;
   result_.fly = true;
   for (const Candidate& own : candidates_) {
     if (own.kind != Candidate::Kind::kOwn) continue;

@@ -89,10 +89,7 @@ bool GlobalMap::forget_seen() {
 bool GlobalMap::cover(const GridGeometry& window, const Eigen::Vector3d& goal) {
   const double resolution_m = window.resolution_m;
   if (occupied_.num_frames > 0 && occupied_.geometry.resolution_m != resolution_m) occupied_ = Sogm();
-  const auto lattice = [&](const Eigen::Vector3d& place) -> Eigen::Vector3i {
-    const Eigen::Array3d voxel = (place.array() / resolution_m).floor();
-    return voxel.max(-1e8).min(1e8).matrix().cast<int>();
-  };
+  const auto lattice = [&](const Eigen::Vector3d& place) { return lattice_voxel(place, resolution_m); };
   const int around = static_cast<int>(std::ceil(blocked_m_ / resolution_m)) + 1;
   const int slack = static_cast<int>(std::ceil(kSlack_m / resolution_m));
   const Box space = Box{lattice(space_min_), lattice(space_max_)}.grown(around);
@@ -142,15 +139,12 @@ void GlobalMap::block(const Columns& columns) {
   const auto words = static_cast<std::size_t>(grid.words_per_column());
   column_.assign(words, 0);  // inside the flight space
   for (int z = 0; z < grid.size.z(); ++z) {
-    const double low = (z + grid.origin.z()) * grid.resolution_m;
-    if (low + grid.resolution_m >= space_min_.z() && low <= space_max_.z())
+    if (in_flight_space(2, z + grid.origin.z()))
       column_[static_cast<std::size_t>(z / 64)] |= std::uint64_t{1} << z % 64;
   }
   for (int x = columns.first.x(); x <= columns.last.x(); ++x) {
     for (int y = columns.first.y(); y <= columns.last.y(); ++y) {
-      const Eigen::Array2d low = (grid.origin.head<2>() + Eigen::Vector2i(x, y)).cast<double>() * grid.resolution_m;
-      const bool inside = (low + grid.resolution_m >= space_min_.head<2>().array()).all() &&
-                          (low <= space_max_.head<2>().array()).all();
+      const bool inside = in_flight_space(0, x + grid.origin.x()) && in_flight_space(1, y + grid.origin.y());
       std::uint64_t* blocked = blocked_.column(0, x, y);
       for (std::size_t w = 0; w < words; ++w) blocked[w] |= inside ? ~column_[w] : ~std::uint64_t{0};
     }

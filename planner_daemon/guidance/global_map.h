@@ -42,8 +42,7 @@ class GlobalMap {
   bool empty() const { return empty_; }
   // Whether the robot's centre may be in a voxel of the lattice, as far as the flight space goes.
   bool in_flight_space(const Eigen::Vector3i& voxel) const {
-    const Eigen::Array3d low = voxel.cast<double>().array() * occupied_.geometry.resolution_m;
-    return (low + occupied_.geometry.resolution_m >= space_min_.array()).all() && (low <= space_max_.array()).all();
+    return in_flight_space(0, voxel.x()) && in_flight_space(1, voxel.y()) && in_flight_space(2, voxel.z());
   }
   // Where the robot's centre may not be, or beyond the flight space: one frame. Bits above the grid are set.
   const Sogm& blocked() const { return blocked_; }
@@ -66,6 +65,10 @@ class GlobalMap {
     return {geometry.origin, geometry.origin + geometry.size - Eigen::Vector3i::Ones()};
   }
 
+  bool in_flight_space(int axis, int voxel) const {
+    const double low = voxel * occupied_.geometry.resolution_m;
+    return low + occupied_.geometry.resolution_m >= space_min_[axis] && low <= space_max_[axis];
+  }
   bool cover(const GridGeometry& window, const Eigen::Vector3d& goal);
   void lay_out(const Box& box, double resolution_m);
   void block(const Columns& columns);

@@ -1,7 +1,5 @@
 #include "planner_daemon/guidance/guidance.h"
 
-#include <cmath>
-
 namespace swarm {
 namespace {
 
@@ -17,7 +15,7 @@ void Guidance::update(const Sogm& sogm, const Sogm& standing, const Eigen::Vecto
   if (is_new) {
     goal_ = goal;
     resolution_m_ = sogm.geometry.resolution_m;
-    goal_voxel_ = (goal.array() / sogm.geometry.resolution_m).floor().max(-1e8).min(1e8).matrix().cast<int>();
+    goal_voxel_ = lattice_voxel(goal, resolution_m_);
   }
   if (map_.empty()) {
     empty_ = true;
@@ -33,7 +31,7 @@ void Guidance::update(const Sogm& sogm, const Sogm& standing, const Eigen::Vecto
 
 void Guidance::reconsider(const Eigen::Vector3d& place) {
   if (empty_ || works_) return;
-  const Eigen::Vector3i voxel = (place.array() / resolution_m_).floor().max(-1e8).min(1e8).matrix().cast<int>();
+  const Eigen::Vector3i voxel = lattice_voxel(place, resolution_m_);
   for (int k = 0; k < 27; ++k) {  // the robot may touch what blocks it
     const Eigen::Vector3i beside = voxel + 3 * Eigen::Vector3i(k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1);
     if (cost(beside) != Wavefront::kUnreached) return;

@@ -13,7 +13,7 @@ class GoalHeuristic {
  public:
   // One axis' part of it.
   struct AxisTerm {
-    double time_s;  // to rest at the goal
+    double time_s;  // to rest at the target
     int cell;       // of the space-time heuristic; -1: none
   };
 
@@ -33,11 +33,6 @@ class GoalHeuristic {
   double time_to_goal(int step, const AxisTerm& x, const AxisTerm& y, const AxisTerm& z) const {
     return straight(x.time_s, y.time_s, z.time_s) +
            (delays_ != nullptr ? delays_->delay_s(step, x.cell, y.cell, z.cell) : 0.0);
-  }
-  // As if nothing were in the way.
-  double straight_time_to_goal(const Eigen::Vector3d& position, const Eigen::Vector3d& velocity) const {
-    return straight(axis_time(0, position.x(), velocity.x()), axis_time(1, position.y(), velocity.y()),
-                    axis_time(2, position.z(), velocity.z()));
   }
   // Of a robot at rest after the last step.
   double time_to_goal_at_rest(const Eigen::Vector3d& position) const {

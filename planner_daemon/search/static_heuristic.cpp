@@ -50,7 +50,7 @@ void StaticHeuristic::build(const Occupancy& standing, double blocked_m, const E
       for (std::size_t w = 0; w < words; ++w) front_.open(x, y)[w] = ~blocked[w] & inside_[w];
     }
   }
-  goal_ = (goal.array() / grid.resolution_m).floor().max(-1e8).min(1e8).matrix().cast<int>();
+  goal_ = lattice_voxel(goal, grid.resolution_m);
   front_.seed_goal(goal_ - grid.origin, Guidance::kBeside_m / grid.resolution_m);
   front_.seed_edge([&](const Eigen::Vector3i& at) {
     const Eigen::Vector3i place = at + grid.origin;

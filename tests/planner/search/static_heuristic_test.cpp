@@ -85,18 +85,21 @@ void compare(const StaticScene& scene, const StaticHeuristic& heuristic, const P
   }
 }
 
+void compare_random(int trial, const Vector3d& size_m, Rng& rng, StaticHeuristic* heuristic, Comparison* sum) {
+  const StaticScene scene = random_scene(trial, size_m, rng);
+  SCOPED_TRACE(testing::Message() << "trial " << trial << ", goal " << scene.goal.transpose());
+  const Guidance* guidance = scene.guidance.get();
+  heuristic->build({&scene.standing}, kClearance_m, scene.goal, scene.low_z, scene.high_z, guidance);
+  const PlainStaticHeuristic plain(scene.standing, kClearance_m, scene.goal, scene.low_z, scene.high_z, guidance);
+  ASSERT_NO_FATAL_FAILURE(compare(scene, *heuristic, plain, rng, sum));
+}
+
 TEST(StaticHeuristicTest, EqualsAPlainDijkstraSearch) {
   Rng rng(3);
   StaticHeuristic heuristic;
   Comparison sum;
-  for (int trial = 0; trial < 24; ++trial) {  // whole cells and rests
-    const StaticScene scene = random_scene(trial, {2.7 + 0.1 * (trial % 3), 2.5, 1.3 + 0.1 * (trial % 4)}, rng);
-    SCOPED_TRACE(testing::Message() << "trial " << trial << ", goal " << scene.goal.transpose());
-    heuristic.build({&scene.standing}, kClearance_m, scene.goal, scene.low_z, scene.high_z, scene.guidance.get());
-    const PlainStaticHeuristic plain(scene.standing, kClearance_m, scene.goal, scene.low_z, scene.high_z,
-                                     scene.guidance.get());
-    ASSERT_NO_FATAL_FAILURE(compare(scene, heuristic, plain, rng, &sum));
-  }
+  for (int trial = 0; trial < 24; ++trial)  // whole cells and rests
+    compare_random(trial, {2.7 + 0.1 * (trial % 3), 2.5, 1.3 + 0.1 * (trial % 4)}, rng, &heuristic, &sum);
   EXPECT_GT(sum.cells, 20'000);
   EXPECT_GT(sum.unreached, sum.cells / 10);
   EXPECT_LT(sum.unreached, sum.cells - 5'000);
@@ -110,14 +113,8 @@ TEST(StaticHeuristicTest, EqualsAPlainDijkstraSearchInHighWindows) {
   Rng rng(4);
   StaticHeuristic heuristic;
   Comparison sum;
-  for (int trial = 0; trial < 6; ++trial) {
-    const StaticScene scene = random_scene(trial, {1.1, 1.3, 6.4 + 3.1 * (trial % 3)}, rng);
-    SCOPED_TRACE(testing::Message() << "trial " << trial << ", goal " << scene.goal.transpose());
-    heuristic.build({&scene.standing}, kClearance_m, scene.goal, scene.low_z, scene.high_z, scene.guidance.get());
-    const PlainStaticHeuristic plain(scene.standing, kClearance_m, scene.goal, scene.low_z, scene.high_z,
-                                     scene.guidance.get());
-    ASSERT_NO_FATAL_FAILURE(compare(scene, heuristic, plain, rng, &sum));
-  }
+  for (int trial = 0; trial < 6; ++trial)
+    compare_random(trial, {1.1, 1.3, 6.4 + 3.1 * (trial % 3)}, rng, &heuristic, &sum);
   EXPECT_GT(sum.cells, 3'000);
 }
 
