@@ -24,6 +24,10 @@ struct Shape {
 // Euclidean distance from a point to the solid [m]; 0 inside. `offset` is the point minus the shape's centre, W [m].
 double distance(const Shape& shape, const Eigen::Vector3d& offset);
 
+// The shape made so thick, where it is thinner, that with `margin_m` around it holds the centre of every voxel that the
+// axis of the given shape passes (a sphere's centre, a box's middle). Thick shapes stay as they are, and so do voxels.
+Shape thickened(const Shape& shape, double resolution_m, double margin_m);
+
 // A tracked obstacle with a constant-velocity prediction.
 struct Obstacle {
   Shape shape;
@@ -32,9 +36,10 @@ struct Obstacle {
   Utime utime{};                                       // of position (age already subtracted)
 };
 
-// Marks in every frame of `sogm` each voxel whose centre comes within `margin_m` of the obstacle at some time of the
-// frame's interval (union over the interval, paper section III-B). Static obstacles (zero velocity) work too.
-// `growth_mps` widens the margin with prediction time (per second after sogm.start_utime).
+// Marks in every frame of `sogm` each voxel whose centre comes within `margin_m` of the thickened obstacle at some time
+// of the frame's interval (union over the interval, paper section III-B); voxels finer than the map's are thickened to
+// one of those. So no obstacle slips through between the centres, however thin. Static obstacles (zero velocity) work
+// too. `growth_mps` widens the margin with prediction time (per second after sogm.start_utime).
 void rasterize(const Obstacle& obstacle, double margin_m, double growth_mps, Sogm* sogm);
 
 }  // namespace swarm

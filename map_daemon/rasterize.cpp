@@ -1,7 +1,9 @@
 // Every shape is a core (disc column, circle, box, point) and what lies within `reach` of it; a vertical line meets it
-// in at most two intervals of z, known in closed form, which become runs of bits.
+// in at most two intervals of z, known in closed form, which become runs of bits. A voxel is marked when its centre is
+// within. Shapes are thickened first, so that none slips through between the centres.
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include "lcmtypes/bus/portable_math.h"
 #include "map_daemon/obstacle.h"
@@ -155,6 +157,34 @@ class Painter {
   std::vector<std::uint64_t>& full_;  // a column inside the footprint
 };
 
+// Never of voxels: those are boxes.
+Core core_of(const Shape& any, double resolution_m, double margin_m) {
+  const Shape shape = thickened(any, resolution_m, margin_m);
+  Core core;
+  core.kind = shape.kind;
+  const auto [sin_yaw, cos_yaw] = sin_cos(shape.yaw_rad);
+  core.cos_yaw = cos_yaw;
+  core.sin_yaw = sin_yaw;
+  switch (shape.kind) {
+    case Shape::Kind::kColumn:
+      core.half.x() = shape.size.x() / 2;
+      core.half_height = shape.size.y() / 2;
+      break;
+    case Shape::Kind::kRing:
+      core.half.x() = shape.size.x();
+      core.thickness = shape.size.y() / 2;
+      break;
+    case Shape::Kind::kSphere:
+      core.thickness = shape.size.x() / 2;
+      break;
+    default:
+      core.half = shape.size.head<2>() / 2;
+      core.half_height = shape.size.z() / 2;
+      break;
+  }
+  return core;
+}
+
 // Whether the core, moving from `from` by `motion` and widened by `reach`, may touch the window at all.
 bool meets_window(const Core& core, const Eigen::Vector3d& from, const Eigen::Vector3d& motion, double reach,
                   const GridGeometry& g) {
@@ -192,44 +222,55 @@ void paint_core(const Core& core, const Eigen::Vector3d& offset, const Obstacle&
 
 }  // namespace
 
+Shape thickened(const Shape& shape, double resolution_m, double margin_m) {
+  using std::numbers::sqrt2, std::numbers::sqrt3;
+  // What a voxel measures in some direction, less the margin there: round solids have it everywhere, others at their
+  // edges and corners only in part.
+  const auto across = [&](double voxels, double part) { return voxels * resolution_m - 2 * part * margin_m; };
+  Shape thick = shape;
+  switch (shape.kind) {
+    case Shape::Kind::kColumn: {
+      const double wide_m = across(sqrt2, 1 / sqrt2), high_m = std::max(across(1, 1 / sqrt2), 0.0);
+      if (shape.size.x() < wide_m) thick.size << wide_m, shape.size.y() + high_m, 0.0;
+      thick.size.y() = std::max(thick.size.y(), high_m);
+      break;
+    }
+    case Shape::Kind::kRing:
+      thick.size.y() = std::max(shape.size.y(), across(sqrt3, 1));
+      break;
+    case Shape::Kind::kBox: {
+      const auto [sin_yaw, cos_yaw] = sin_cos(shape.yaw_rad);
+      const double wide_m = across(std::abs(sin_yaw) + std::abs(cos_yaw), 1 / sqrt3);
+      const Eigen::Array3d least = Eigen::Array3d(wide_m, wide_m, across(1, 1 / sqrt3)).max(0.0);
+      const auto size = shape.size.array();
+      if ((size < least).any()) thick.size = (size < least && size < size.maxCoeff()).select(least, size + least);
+      break;
+    }
+    case Shape::Kind::kSphere:
+      thick.size.x() = std::max(shape.size.x(), across(sqrt3, 1));
+      break;
+    case Shape::Kind::kVoxels:
+      break;
+  }
+  return thick;
+}
+
 void rasterize(const Obstacle& obstacle, double margin_m, double growth_mps, Sogm* sogm) {
   const Shape& shape = obstacle.shape;
-  Core core;
-  core.kind = shape.kind;
-  const auto [sin_yaw, cos_yaw] = sin_cos(shape.yaw_rad);
-  core.cos_yaw = cos_yaw;
-  core.sin_yaw = sin_yaw;
-  switch (shape.kind) {
-    case Shape::Kind::kColumn:
-      core.half.x() = shape.size.x() / 2;
-      core.half_height = shape.size.y() / 2;
-      break;
-    case Shape::Kind::kRing:
-      core.half.x() = shape.size.x();
-      core.thickness = shape.size.y() / 2;
-      break;
-    case Shape::Kind::kBox:
-      core.half = shape.size.head<2>() / 2;
-      core.half_height = shape.size.z() / 2;
-      break;
-    case Shape::Kind::kSphere:
-      core.thickness = shape.size.x() / 2;
-      break;
-    case Shape::Kind::kVoxels: {
-      const double edge = shape.size.x();
-      core = Core{.half = Eigen::Vector2d::Constant(edge / 2)};
-      for (std::size_t i = 0; i < shape.voxels.size();) {
-        const Eigen::Vector3i first = shape.voxels[i];
-        int run = 1;  // voxels listed upwards one after the other are one box
-        while (++i < shape.voxels.size() && shape.voxels[i] == first + Eigen::Vector3i(0, 0, run)) ++run;
-        core.half_height = run * edge / 2;
-        const Eigen::Vector3d offset = edge * (first.cast<double>() + Eigen::Vector3d(0.0, 0.0, (run - 1) / 2.0));
-        paint_core(core, offset, obstacle, margin_m, growth_mps, sogm);
-      }
-      return;
-    }
+  if (shape.kind != Shape::Kind::kVoxels) {
+    paint_core(core_of(shape, sogm->geometry.resolution_m, margin_m), Eigen::Vector3d::Zero(), obstacle, margin_m,
+               growth_mps, sogm);
+    return;
   }
-  paint_core(core, Eigen::Vector3d::Zero(), obstacle, margin_m, growth_mps, sogm);
+  const double edge_m = shape.size.x(), thick_m = std::max(edge_m, sogm->geometry.resolution_m);
+  for (std::size_t i = 0; i < shape.voxels.size();) {
+    const Eigen::Vector3i first = shape.voxels[i];
+    int run = 1;  // voxels listed upwards one after the other are one box
+    while (++i < shape.voxels.size() && shape.voxels[i] == first + Eigen::Vector3i(0, 0, run)) ++run;
+    const Shape box{.kind = Shape::Kind::kBox, .size = {thick_m, thick_m, thick_m + (run - 1) * edge_m}};
+    const Eigen::Vector3d offset = edge_m * (first.cast<double>() + Eigen::Vector3d(0.0, 0.0, (run - 1) / 2.0));
+    paint_core(core_of(box, sogm->geometry.resolution_m, margin_m), offset, obstacle, margin_m, growth_mps, sogm);
+  }
 }
 
 }  // namespace swarm

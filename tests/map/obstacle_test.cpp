@@ -197,6 +197,18 @@ Scene random_scene(Shape::Kind kind, bool vertical, Random* random) {
   return scene;
 }
 
+// What rasterize() takes the shape for.
+std::vector<std::pair<Shape, Eigen::Vector3d>> thick_parts(const Shape& shape, double resolution_m, double margin_m) {
+  if (shape.kind != Shape::Kind::kVoxels) return {{thickened(shape, resolution_m, margin_m), Eigen::Vector3d::Zero()}};
+  std::vector<std::pair<Shape, Eigen::Vector3d>> parts;
+  const double edge_m = std::max(shape.size.x(), resolution_m);
+  for (const Eigen::Vector3i& voxel : shape.voxels) {
+    parts.emplace_back(Shape{.kind = Shape::Kind::kBox, .size = Eigen::Vector3d::Constant(edge_m)},
+                       shape.size.x() * voxel.cast<double>());
+  }
+  return parts;
+}
+
 Eigen::Vector3d position_at(const Scene& scene, int frame, double fraction) {
   const double t_s = to_seconds(scene.sogm.start_utime - scene.obstacle.utime) +
                      (frame + fraction) * to_seconds(scene.sogm.frame_duration);
@@ -216,6 +228,7 @@ TEST(Rasterize, AgreesWithDistancesSampledInTime) {
       rasterize(scene.obstacle, scene.margin_m, scene.growth_mps, &sogm);
       const double frame_s = to_seconds(sogm.frame_duration);
       const double gap_m = scene.obstacle.velocity.norm() * frame_s / kSamples / 2;  // between samples in time
+      const auto parts = thick_parts(scene.obstacle.shape, sogm.geometry.resolution_m, scene.margin_m);
       const bool exact = !vertical && (kind == Shape::Kind::kColumn || kind == Shape::Kind::kSphere);
       for (int f = 0; f < sogm.num_frames; ++f) {
         const double begin_margin = scene.margin_m + scene.growth_mps * f * frame_s;
@@ -229,7 +242,7 @@ TEST(Rasterize, AgreesWithDistancesSampledInTime) {
               for (int s = 0; s <= kSamples; ++s) {
                 const Eigen::Vector3d offset =
                     sogm.geometry.center_of(v) - position_at(scene, f, static_cast<double>(s) / kSamples);
-                nearest = std::min(nearest, distance(scene.obstacle.shape, offset));
+                for (const auto& [part, at] : parts) nearest = std::min(nearest, distance(part, offset - at));
                 if (nearest == 0.0) break;
               }
               const bool occupied = sogm.occupied(f, v);
@@ -262,6 +275,70 @@ TEST(Rasterize, AgreesWithDistancesSampledInTime) {
   }
   EXPECT_GT(marked, visited / 100);          // the scenes are not empty
   EXPECT_LT(beyond, marked / 20) << marked;  // the slack is hardly used
+}
+
+// The voxel of each point of the axis of a thin shape is marked, wherever it stands, turns and moves.
+TEST(Rasterize, ThinShapesMarkTheVoxelsOnTheirAxis) {
+  Random random(14);
+  const GridGeometry grid{.resolution_m = 0.1, .origin = {-8, -8, -8}, .size = {16, 16, 16}};
+  for (const Shape::Kind kind : kKinds) {
+    for (int trial = 0; trial < 200; ++trial) {
+      const double thin = random(0.001, 0.05);
+      Shape shape{.kind = kind, .yaw_rad = random(-pi, pi)};
+      std::vector<Eigen::Vector3d> axis = {Eigen::Vector3d::Zero()};
+      const auto add_line = [&axis](const Eigen::Vector3d& half) {
+        for (double s = -1.0; s <= 1.0; s += 0.01) axis.push_back(s * half);
+      };
+      switch (kind) {
+        case Shape::Kind::kColumn:
+          shape.size = {thin, random(0.0, 1.0), 0.0};
+          add_line({0, 0, shape.size.y() / 2});
+          break;
+        case Shape::Kind::kRing:
+          shape.size = {random(0.0, 0.6), thin, 0.0};
+          axis.clear();
+          for (double a = 0.0; a < 2 * pi; a += 0.02) {
+            const double across = shape.size.x() * std::cos(a), up = shape.size.x() * std::sin(a);
+            axis.emplace_back(-std::sin(shape.yaw_rad) * across, std::cos(shape.yaw_rad) * across, up);
+          }
+          break;
+        case Shape::Kind::kBox:
+          shape.size = {random(0.0, 1.0), thin, thin};
+          add_line(shape.size.x() / 2 * Eigen::Vector3d(std::cos(shape.yaw_rad), std::sin(shape.yaw_rad), 0));
+          break;
+        case Shape::Kind::kSphere:
+          shape.size.x() = thin;
+          break;
+        case Shape::Kind::kVoxels:
+          shape.size.x() = thin;
+          shape.voxels = {{0, 0, 0}};
+          break;
+      }
+      Obstacle obstacle{shape, random.vector(0.3), trial % 2 * random.vector(1.0), Utime(7s)};
+      if (trial % 4 == 0) {  // at a voxel's corner
+        obstacle.position = obstacle.position.unaryExpr([](double x) { return std::round(10 * x) / 10; });
+      }
+      Sogm sogm;
+      sogm.reset(grid, 1, Utime(7s), 100ms);
+      rasterize(obstacle, trial % 3 * 0.03, 0.0, &sogm);
+      for (const double t_s : {0.0, 0.03, 0.08, 0.1}) {
+        for (const Eigen::Vector3d& point : axis) {
+          const Eigen::Vector3d place = obstacle.position + t_s * obstacle.velocity + point;
+          const Eigen::Vector3i voxel = grid.voxel_of(place);
+          if ((voxel.array() < 1).any() || (voxel.array() > 14).any()) continue;
+          const double off_m = 1e-6;  // rounding
+          bool marked = false;
+          for (int k = 0; k < 8 && !marked; ++k) {
+            const Eigen::Vector3d corner(k & 1 ? off_m : -off_m, k & 2 ? off_m : -off_m, k & 4 ? off_m : -off_m);
+            marked = sogm.occupied(0, grid.voxel_of(place + corner));
+          }
+          ASSERT_TRUE(marked) << describe(shape) << " at " << obstacle.position.transpose() << " velocity "
+                              << obstacle.velocity.transpose() << ", place " << place.transpose() << " after " << t_s
+                              << " s";
+        }
+      }
+    }
+  }
 }
 
 // Paper section III-B: frame i is the union over its interval, so frames of half the length unite to the whole.

@@ -3,6 +3,7 @@
 
 #include <zlib.h>
 
+#include <random>
 #include <set>
 
 #include "swarm_sim/results/csv.h"
@@ -251,6 +252,49 @@ TEST(CampaignSuccess, ASmallFixedCampaignSucceeds) {
   EXPECT_EQ(results.rows().size(), 12u);
   EXPECT_GE(successes, 11) << campaign_table(results.rows());
   EXPECT_LT(last_s / successes, 9.8) << campaign_table(results.rows());
+}
+
+// A thousand rods and balls of 1 mm to 5 cm in the way of two robots, half of them moving, many at voxels' corners.
+TEST(CampaignSuccess, NothingThinIsFlownThrough) {
+  std::mt19937 engine(20);
+  const auto draw = [&engine](double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(engine);
+  };
+  std::vector<Trial> trials;
+  for (int k = 0; k < 25; ++k) {
+    World world;
+    world.name = "thin-" + std::to_string(k);
+    world.obstacle_bounds = {{-7, -7}, {7, 7}};
+    world.robots = {{0, {-7.5, 0, 1}, {7.5, 0, 1}}, {1, {7.5, 0.5, 1.5}, {-7.5, 0.5, 1.2}}};
+    for (int i = 0; i < 40; ++i) {
+      WorldObstacle thin;
+      thin.center = {draw(-6, 6), draw(-1.5, 1.5), draw(0.3, 2.2)};
+      if (i % 4 < 2) thin.center = (10 * thin.center).array().round() / 10;
+      if (i % 2 == 1) thin.velocity_mps = {draw(-0.5, 0.5), draw(-0.5, 0.5)};
+      const double thickness_m = draw(0.001, 0.05), length_m = draw(0.05, 2);
+      switch (i % 3) {
+        case 0:
+          thin.shape = {.kind = Shape::Kind::kColumn, .size = {thickness_m, length_m, 0}};
+          break;
+        case 1:
+          thin.shape = {
+              .kind = Shape::Kind::kBox, .size = {length_m, thickness_m, thickness_m}, .yaw_rad = draw(-3, 3)};
+          break;
+        default:
+          thin.shape = {.kind = Shape::Kind::kSphere, .size = {thickness_m, 0, 0}};
+          break;
+      }
+      world.obstacles.push_back(thin);
+    }
+    trials.push_back(listed_trial(to_json_text(world, ""), "thin:" + std::to_string(k)));
+  }
+  TemporaryDirectory directory;
+  ResultsFile results(directory / "results.csv");
+  ASSERT_TRUE(fly_campaign(
+      trials, {}, 2, results, [] { return true; }, [](const TrialRow&) {}));
+  ASSERT_EQ(results.rows().size(), 25u);
+  for (const TrialRow& row : results.rows())
+    EXPECT_EQ(cell(row, "outcome"), "success") << cell(row, "trial") << ": " << cell(row, "touches");
 }
 
 }  // namespace
