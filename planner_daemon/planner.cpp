@@ -137,6 +137,10 @@ bool Planner::CacheKey::serves(const PlanRequest& request, Duration longest) con
   return age > 0us && age < longest && size == now.size && resolution_m == now.resolution_m && goal == now.goal;
 }
 
+bool Planner::is_slow(const PlanRequest& request) const {
+  return !space_time_key_.serves(request, kSpaceTimeHeuristicAge);
+}
+
 void Planner::build_heuristics(const PlanRequest& request) {
   const SearchLimits& limits = config_.limits;
   const double blocked_m = config_.space.blocked_m();
@@ -161,7 +165,7 @@ void Planner::build_heuristics(const PlanRequest& request) {
 
 SearchStatus Planner::search(const PlanRequest& request) {
   guidance_.work();
-  if (!space_time_key_.serves(request, kSpaceTimeHeuristicAge)) build_heuristics(request);
+  if (is_slow(request)) build_heuristics(request);
   SearchProblem& problem = search_problem_;
   problem = {request.own.at(request.start_utime),
              request.start_utime,

@@ -3,6 +3,7 @@
 
 #include <array>
 #include <limits>
+#include <numeric>
 #include <vector>
 
 #include "lcmtypes/bus/node_clock.h"
@@ -55,6 +56,8 @@ struct PlanResult {
   SearchStatus search_status = SearchStatus::kPartial;
   int expansions = 0;
   std::array<double, kNumPlanSteps> step_ms{};  // wall time; 0 without a stopwatch
+
+  double total_ms() const { return std::accumulate(step_ms.begin(), step_ms.end(), 0.0); }
 };
 
 // What could be flown next.
@@ -80,6 +83,8 @@ class Planner {
   explicit Planner(const PlannerConfig& config, Stopwatch stopwatch = nullptr);
 
   const PlanResult& plan(const PlanRequest& request);
+  // Whether that takes several times as long as other plans: its heuristics are to be built anew.
+  bool is_slow(const PlanRequest& request) const;
 
   // Of the newest plan, for benchmarks: what was searched, the path found, what was optimised.
   const SearchProblem& search_problem() const { return search_problem_; }

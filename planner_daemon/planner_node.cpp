@@ -54,9 +54,10 @@ void declare(OptionSet& options, PlannerNodeConfig& config) {
               "cost of a second where an obstacle was recently, on top, in seconds of flight");
   options.add("corridor-extent", &planner.corridor.extent_m, 0.1, 10, "m",
               "how far a corridor extends beyond its piece");
-  options.add(
-      "lead", &config.lead_s, 0.005, to_seconds(kMaxAhead) - CommitDelay::kLongest_s, "s",
-      "from the start of planning to the announcement; the plan begins later still by what the peers' answers take");
+  options.add("lead", &config.lead_s, 0.005, to_seconds(kMaxAhead) - CommitDelay::kLongest_s, "s",
+              "from the start of planning to the announcement, until that was measured; the plan begins later still by "
+              "what the "
+              "peers' answers take");
   options.add("period", &config.period_s, 0, 10, "s", "least time between plans; every newer map is planned with");
   options.add("stale-map", &config.stale_map_s, 0.05, 10, "s", "an older map is not planned with");
   options.add(
@@ -86,14 +87,14 @@ void verify(const PlannerNodeConfig& config) {
   }
 }
 
-PlannerNode::PlannerNode(const PlannerNodeConfig& config, std::int32_t boot, Stopwatch stopwatch,
-                         bool publish_durations)
+PlannerNode::PlannerNode(const PlannerNodeConfig& config, std::int32_t boot, Stopwatch stopwatch, bool durations_count)
     : config_(config),
-      publish_durations_(publish_durations),
+      durations_count_(durations_count),
       planner_((verify(config), config.planner), std::move(stopwatch)),
       candidate_headers_(config.robot_id, boot),
       corridor_headers_(config.robot_id, boot),
-      status_headers_(config.robot_id, boot) {}
+      status_headers_(config.robot_id, boot),
+      plan_delays_{PlanDelay(config.lead_s), PlanDelay(config.lead_s)} {}
 
 std::vector<Subscription> PlannerNode::subscriptions() const {
   return {{BusId::kOnboard, channel::kSogm},
@@ -142,6 +143,11 @@ Refusal PlannerNode::on_own(std::span<const std::uint8_t> bytes) {
   const Trajectory waited = pending_;
   own_ = motion_of(message);
   pending_ = pending_of(message);
+  const Trajectory& newest = pending_.empty() ? own_->next : pending_;
+  if (planned_ && !newest.empty() && newest.start_utime() == planned_->start) {
+    delay_of(planned_->is_slow).took(to_seconds(announced - planned_->begun));
+    planned_.reset();
+  }
   if (!own_->next.empty() && own_->next.seq() != bound_to && own_->next.seq() == message.forced_seq) {
     commit_delay_.missed(to_seconds(own_->next.start_utime() - announced));
   } else if (!own_->next.empty() && own_->next.seq() != bound_to) {
@@ -193,6 +199,7 @@ bool PlannerNode::on_clock_step(Utime, Duration step) {
   };
   if (own_) shift(*own_, pending_);
   pending_stamp_ += step;
+  planned_.reset();
   if (urgent_start_) *urgent_start_ += step;
   map_.start_utime += step;
   for (Peer& peer : peer_list_) shift(peer.motion, peer.pending);
@@ -245,8 +252,8 @@ Utime PlannerNode::touch_utime(Utime now, Utime until) const {
 
 // Late enough for the peers' answers; but an obstacle's way is left before it comes, and the earlier the more time
 // there is for answers until then.
-Utime PlannerNode::start_utime(Utime now) {
-  const Utime planned = now + to_duration(config_.lead_s);
+Utime PlannerNode::start_utime(Utime now, bool is_slow) {
+  const Utime planned = now + to_duration(delay_of(is_slow).lead_s());
   const Utime patient = planned + to_duration(commit_delay_.lead_s());
   const Utime touch = touch_utime(now, patient + kUrgent);
   urgent_start_.reset();
@@ -271,10 +278,7 @@ std::optional<Eigen::Vector3d> PlannerNode::place_apart(Utime utime) const {
   return {};
 }
 
-void PlannerNode::choose_goal(bool is_urgent) {
-  // Without a goal the robot holds its place, but steps aside like any other.
-  if (!hold_) hold_ = own_->at(own_->end_utime()).position;
-  request_.goal = goal_.value_or(*hold_);
+void PlannerNode::step_aside(bool is_urgent) {
   std::optional<Eigen::Vector3d> aside = place_apart(request_.start_utime);
   // A plan that must do without answers may meet others': it only steps aside.
   if (is_urgent && commit_delay_.is_unanswered()) aside = own_->at(own_->end_utime()).position;
@@ -288,16 +292,22 @@ void PlannerNode::plan(Utime now, Outbox& outbox) {
 
   request_.sogm = &map_;
   request_.own = *own_;
-  request_.start_utime = start_utime(now);
+  // Without a goal the robot holds its place, but steps aside like any other.
+  if (!hold_) hold_ = own_->at(own_->end_utime()).position;
+  request_.goal = goal_.value_or(*hold_);
+  const bool is_slow = planner_.is_slow(request_);
+  request_.start_utime = start_utime(now, is_slow);
   const bool is_urgent = urgent_start_.has_value();
   for (auto& [id, entry] : peers_) {
     entry.heard = std::min(entry.heard, now);
     peer_list_[entry.place].silent = now - entry.heard > kSilent;
   }
   request_.peers = &peer_list_;
-  choose_goal(is_urgent);
+  step_aside(is_urgent);
   newest_ = &planner_.plan(request_);
 
+  const double took_s = durations_count_ ? newest_->total_ms() / 1000.0 : 0.0;
+  if (took_s > delay_of(is_slow).lead_s()) delay_of(is_slow).took(took_s);  // it may come too late to be announced
   ++plans_;
   plan_times_.push_back(now);
   if (newest_->fly) {
@@ -307,6 +317,7 @@ void PlannerNode::plan(Utime now, Outbox& outbox) {
     trajectory.set_seq(++candidate_seq_);
     candidate.trajectory = trajectory.to_wire();
     candidate.urgent = is_urgent ? 1 : 0;
+    planned_ = {now, trajectory.start_utime(), is_slow};
     outbox.publish(BusId::kOnboard, channel::kCandidate, candidate);
     publish_corridors(now, outbox);
   }
@@ -343,13 +354,11 @@ void PlannerNode::publish_status(Utime now, std::int16_t state, Outbox& outbox) 
   if (newest_ != nullptr) {
     status.outcome = static_cast<std::int16_t>(newest_->outcome);
     status.expansions = newest_->expansions;
-    if (publish_durations_) {
+    if (durations_count_) {
       float* const step_ms[kNumPlanSteps] = {&status.compose_ms, &status.search_ms, &status.corridor_ms,
                                              &status.optimize_ms, &status.check_ms};
-      for (std::size_t i = 0; i < kNumPlanSteps; ++i) {
-        *step_ms[i] = static_cast<float>(newest_->step_ms[i]);
-        status.total_ms += *step_ms[i];
-      }
+      for (std::size_t i = 0; i < kNumPlanSteps; ++i) *step_ms[i] = static_cast<float>(newest_->step_ms[i]);
+      status.total_ms = static_cast<float>(newest_->total_ms());
     }
   }
   refused_.copy_to(status.refused);

@@ -1,6 +1,7 @@
 // The planner daemon's node: plans once per SOGM, from the committed motion, towards the goal.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <deque>
 #include <map>
@@ -21,7 +22,7 @@ namespace swarm {
 struct PlannerNodeConfig {
   int robot_id = 0;
   PlannerConfig planner;
-  double lead_s = 0.025;       // from the start of planning to the announcement of what came of it
+  double lead_s = 0.025;       // from the start of planning to the announcement, until that was measured
   double period_s = 0.04;      // least time between plans
   double stale_map_s = 0.35;   // an older SOGM is not planned with
   double clock_limit_s = 0.1;  // messages from further in the future are refused
@@ -33,8 +34,9 @@ void verify(const PlannerNodeConfig& config);
 
 class PlannerNode : public Node {
  public:
-  // `boot`: grows at every start. `stopwatch` null: messages carry zero durations.
-  PlannerNode(const PlannerNodeConfig& config, std::int32_t boot, Stopwatch stopwatch, bool publish_durations = true);
+  // `boot`: grows at every start. Unless `durations_count` what the stopwatch (may be null) says changes nothing, also
+  // no message: in simulated time planning takes what the host says.
+  PlannerNode(const PlannerNodeConfig& config, std::int32_t boot, Stopwatch stopwatch, bool durations_count = true);
 
   std::vector<Subscription> subscriptions() const override;
   void on_message(Utime now, BusId bus, std::string_view channel, std::span<const std::uint8_t> bytes,
@@ -56,17 +58,18 @@ class PlannerNode : public Node {
   TimeWindow window(Utime now) const;  // how old maps and announcements may be, and how far ahead
   // When an obstacle comes within the clearance of what the robot is bound to; kNever: not until then.
   Utime touch_utime(Utime now, Utime until) const;
-  Utime start_utime(Utime now);  // of the next plan
+  Utime start_utime(Utime now, bool is_slow);  // of the next plan
   // A place farther from a peer beside which the robot rests, closer than plans may pass; none: there is no such peer.
   std::optional<Eigen::Vector3d> place_apart(Utime utime) const;
-  // Where to fly, the goal or a place aside, to the request.
-  void choose_goal(bool is_urgent);
+  // To the request: another place than the goal to fly to, where that is better now.
+  void step_aside(bool is_urgent);
+  PlanDelay& delay_of(bool is_slow) { return plan_delays_[is_slow ? 1 : 0]; }
   void plan(Utime now, Outbox& outbox);
   void publish_corridors(Utime now, Outbox& outbox);
   void publish_status(Utime now, std::int16_t state, Outbox& outbox);
 
   PlannerNodeConfig config_;
-  bool publish_durations_;
+  bool durations_count_;
   Planner planner_;
   SogmAssembler assembler_;
   RefusalCounts refused_;
@@ -78,6 +81,12 @@ class PlannerNode : public Node {
   Trajectory pending_;                 // of our plans: waits for acknowledgements; may be empty
   Utime pending_stamp_{};              // when it was announced
   std::optional<Utime> urgent_start_;  // of the newest plan; none: it is not urgent
+  struct Planned {
+    Utime begun, start;
+    bool is_slow;
+  };
+  std::optional<Planned> planned_;        // the newest candidate, until it is announced
+  std::array<PlanDelay, 2> plan_delays_;  // of plans that are not slow, and of slow ones
   CommitDelay commit_delay_;
   std::optional<Eigen::Vector3d> goal_;
   std::optional<Eigen::Vector3d> hold_;  // where it rested when planning began: the goal until there is one

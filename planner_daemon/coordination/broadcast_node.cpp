@@ -238,9 +238,9 @@ Utime BroadcastNode::step(Utime now, Outbox& outbox) {
       news_.done(now);
     }
     const auto due = [&] {  // news at once, and again soon, for they may get lost
+      if (has_news_) return news_may_go_ = std::min(news_may_go_, now + gap_);  // the clock may have been set back
       const bool is_lively = now < news_.due(now, kLively);
-      const double wait_s = has_news_ ? 0.0 : is_lively ? config_.lively_s : config_.announce_s;
-      return announcement_.due(now, std::max(gap_, to_duration(wait_s)));
+      return announcement_.due(now, std::max(gap_, to_duration(is_lively ? config_.lively_s : config_.announce_s)));
     };
     if (now >= due()) announce(now, outbox);
     if (now >= setpoint_.due_on_grid(now, setpoint_period)) {
@@ -267,6 +267,7 @@ void BroadcastNode::announce(Utime now, Outbox& outbox) {
   outbox.publish(BusId::kOnboard, channel::kOwnTrajectory, message);
   has_news_ = false;
   announcement_.done(now);
+  news_may_go_ = std::clamp(news_may_go_, now - gap_, now) + gap_;
 }
 
 void BroadcastNode::publish_setpoint(Utime now, Outbox& outbox) {

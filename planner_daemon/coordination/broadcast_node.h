@@ -100,7 +100,8 @@ class BroadcastNode : public Node {
   double yaw_rad_ = 0.0;
   bool store_fails_ = false;
 
-  Duration gap_{};                 // between announcements, at least
+  Duration gap_{};                 // between announcements on average, at least: two may go at once
+  Utime news_may_go_{};            // no earlier
   Utime clock_doubt_until_{};      // a peer's message came from the future, or its clock was found wrong
   bool clock_is_stepped_ = false;  // the wall clock, which is followed when the robot rests
   bool has_news_ = false;

@@ -7,6 +7,8 @@ namespace {
 
 using Fixture = PlannerNodeFixture;
 
+constexpr double kPlan_s = PlanDelay::kMargin_s;  // plans are announced as soon as they are begun
+
 // What becomes of a plan: announced, then committed after `answer_s`, or withdrawn when it should begin.
 void carry_out(Fixture& f, double answer_s, bool commits) {
   static std::int32_t seq = 100;
@@ -84,7 +86,7 @@ TEST(PlannerNode, WhatIsUrgentWaitsForNoAnswers) {
     carry_out(f, CommitDelay::kLongest_s, false);
     (void)lead_s(f);
   }
-  ASSERT_NEAR(lead_s(f), Fixture::make_config().lead_s + CommitDelay::kLongest_s, 1e-6);
+  ASSERT_NEAR(lead_s(f), kPlan_s + CommitDelay::kLongest_s, 1e-6);
   Trajectory plan = f.planned();
   plan.set_seq(7);
   const Trajectory hover = Trajectory::hover(1, f.now, kHome);
@@ -129,9 +131,8 @@ TEST(PlannerNode, UrgentPlansBeginInTime) {
     send_threat(f, s);
     const double begins_s = to_seconds(f.planned().start_utime() - f.now);
     ASSERT_EQ(f.out.newest<candidate_t>(channel::kCandidate).urgent, 1);
-    const double plan_s = Fixture::make_config().lead_s;
     if (s < 0.6) {
-      EXPECT_NEAR(begins_s, plan_s + 0.02, 1e-6);
+      EXPECT_NEAR(begins_s, kPlan_s + 0.02, 1e-6);
     } else {
       EXPECT_NEAR(begins_s, s - (s < 1.0 ? 0.6 : 1.0), s < 1.5 && s > 1.0 ? 0.3 : 0.021);
     }
@@ -159,7 +160,7 @@ TEST(PlannerNode, WithoutAnswersItOnlyStepsAside) {
 }
 
 TEST(PlannerNode, PlansFartherAheadWherePeersAnswerLate) {
-  const double plan_s = Fixture::make_config().lead_s, usual_s = plan_s + 0.005 + 0.01;
+  const double usual_s = kPlan_s + 0.005 + CommitDelay::kMargin_s;
   Fixture f;
   f.start({2, 0, 1});
   for (int i = 0; i < 10; ++i) {
@@ -167,12 +168,12 @@ TEST(PlannerNode, PlansFartherAheadWherePeersAnswerLate) {
     ASSERT_NEAR(lead_s(f), usual_s, 1e-6);
   }
   double lead = usual_s;
-  for (int i = 0; i < 12; ++i) {  // too late, until the plans begin late enough
+  for (int i = 0; i < 16; ++i) {  // too late, until the plans begin late enough
     const bool in_time = lead > 0.2;
     carry_out(f, in_time ? 0.2 : lead + 0.01, in_time);
     const double next = lead_s(f);
     if (!in_time) {
-      EXPECT_NEAR(next, plan_s + 1.25 * lead, 1e-3);
+      EXPECT_NEAR(next, kPlan_s + 1.25 * lead, 1e-3);
     }
     lead = next;
   }
@@ -187,7 +188,38 @@ TEST(PlannerNode, PlansFartherAheadWherePeersAnswerLate) {
     carry_out(f, lead + 0.01, false);
     lead = lead_s(f);
   }
-  EXPECT_NEAR(lead, plan_s + CommitDelay::kLongest_s, 1e-6);
+  EXPECT_NEAR(lead, kPlan_s + CommitDelay::kLongest_s, 1e-6);
+}
+
+TEST(PlanDelay, IsTheLongestButOneOfTheNewest) {
+  PlanDelay delay(0.025);
+  EXPECT_EQ(delay.lead_s(), 0.025);
+  delay.took(0.017);
+  EXPECT_NEAR(delay.lead_s(), 0.017 + PlanDelay::kMargin_s, 1e-12);
+  delay.took(0.002);
+  EXPECT_NEAR(delay.lead_s(), 0.002 + PlanDelay::kMargin_s, 1e-12);
+  delay.took(0.009);
+  EXPECT_NEAR(delay.lead_s(), 0.009 + PlanDelay::kMargin_s, 1e-12);
+  for (const double unlikely : {-0.001, 1.5, std::nan("")}) delay.took(unlikely);
+  EXPECT_NEAR(delay.lead_s(), 0.009 + PlanDelay::kMargin_s, 1e-12);
+  for (int i = 0; i < 16; ++i) delay.took(0.003);
+  EXPECT_NEAR(delay.lead_s(), 0.003 + PlanDelay::kMargin_s, 1e-12);
+}
+
+// As late as announcements of its plans were lately, those that build heuristics apart.
+TEST(PlannerNode, PlansAsFarAheadAsPlanningTakes) {
+  Fixture f;
+  f.start({2, 0, 1});
+  EXPECT_NEAR(to_seconds(f.planned().start_utime() - f.now), Fixture::make_config().lead_s + CommitDelay::kMargin_s,
+              1e-6);
+  for (int i = 0; i < 3; ++i) {
+    Trajectory plan = f.planned();
+    plan.set_seq(100 + i);
+    f.run_for(0.008);
+    const Trajectory hover = Trajectory::hover(1, f.now, kHome);
+    f.send(channel::kOwnTrajectory, f.announcement(kRobot, hover, plan, announcement_t::kCommitted, f.now));
+    EXPECT_NEAR(lead_s(f), 0.008 + PlanDelay::kMargin_s + CommitDelay::kMargin_s, 1e-6) << i;
+  }
 }
 
 TEST(PlannerNode, PlansOncePerNewMap) {
@@ -239,7 +271,7 @@ TEST(PlannerNode, LeavesTheCommittedMotionAfterTheLead) {
   f.send_goal({1.5, 1.5, 1});
   f.send_map();
   const Trajectory planned = f.planned();
-  EXPECT_EQ(planned.start_utime(), f.now + 35ms);
+  EXPECT_EQ(planned.start_utime(), f.now + 28ms);
   const MotionState branch = flown.at(planned.start_utime()), first = planned.knot(0);
   EXPECT_LT((branch.position - first.position).norm(), 1e-5);
   EXPECT_LT((branch.velocity - first.velocity).norm(), 1e-5);

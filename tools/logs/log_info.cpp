@@ -1,12 +1,14 @@
 // What a log of a bus holds: channels, rates, gaps, planning times, what became of plans, refusals and losses.
 #include <algorithm>
 #include <array>
+#include <deque>
 #include <iostream>
 #include <map>
 #include <stdexcept>
 #include <string>
 #include <vector>
 
+#include "lcmtypes/bus/channels.h"
 #include "lcmtypes/bus/codec.h"
 #include "lcmtypes/bus/lcm_log.h"
 #include "lcmtypes/bus/option_set.h"
@@ -48,12 +50,57 @@ class Total {
   std::int64_t before_ = 0, newest_ = 0;
 };
 
+// From an obstacle's message to the begin of the motion that answers it: of each message the first map that can hold
+// it, the first plan made of that map, and when what was planned begins, if it was committed. Not of the first that
+// was: it departs, and what came before it waited for that.
+class Reactions {
+ public:
+  void obstacles(Utime sensed) { sensed_.push_back(sensed); }
+  void map(Utime built) {
+    maps_.push_back({built, std::move(sensed_)});
+    sensed_.clear();
+  }
+  void candidate(Utime planned, Utime start) {
+    start_ = start;
+    answered_ = take(planned);
+  }
+  void planned(Utime planned) { take(planned); }  // also when what is flown already was the better answer
+  void committed(Utime start) {
+    if (start != start_) return;
+    for (const Utime sensed : answered_) {
+      if (departed_) ms_.push_back(to_ms(start - sensed));
+    }
+    departed_ = true;
+    answered_.clear();
+  }
+  const std::vector<double>& ms() const { return ms_; }
+
+ private:
+  struct Map {
+    Utime built;
+    std::vector<Utime> sensed;  // not in an earlier one
+  };
+  std::vector<Utime> take(Utime planned) {
+    std::vector<Utime> sensed;
+    for (; !maps_.empty() && maps_.front().built < planned; maps_.pop_front())
+      sensed.insert(sensed.end(), maps_.front().sensed.begin(), maps_.front().sensed.end());
+    return sensed;
+  }
+
+  std::vector<Utime> sensed_, answered_;  // not in a map yet; by the newest candidate
+  std::deque<Map> maps_;                  // not planned with yet
+  Utime start_{};
+  bool departed_ = false;
+  std::vector<double> ms_;
+};
+
 struct Robot {
   std::vector<double> plan_ms, build_ms;
   Total missed, candidates, commits, forced, withdrawn;
   std::array<Total, kNumRejections> rejected;
   std::map<std::string, std::array<Total, kNumRefusals>> refused;  // by daemon
   std::int32_t plans = -1;
+  Reactions reactions;
 };
 
 template <class Status>
@@ -115,19 +162,37 @@ class Summary {
  private:
   // Messages of other types count as readable.
   Refusal read(const LogEvent& event) {
-    return visit_message(event.channel, event.bytes, [&](const auto& message) { note(event.channel, message); })
+    return visit_message(event.channel, event.bytes, [&](const auto& message) { note(event, message); })
         .value_or(Refusal::kNone);
   }
 
-  void note(const std::string& channel, const announcement_t& m) { add_announcement(channel, m.header); }
-  void note(const std::string&, const planner_status_t& m) {
+  void note(const LogEvent& event, const announcement_t& m) {
+    add_announcement(event.channel, m.header);
+    if (event.channel != channel::kOwnTrajectory) return;
+    if (m.pending_state == announcement_t::kCommitted)
+      robots_[m.header.robot_id].reactions.committed(to_utime(m.pending.start_utime));
+  }
+  void note(const LogEvent&, const obstacles_t& m) {
+    robots_[m.header.robot_id].reactions.obstacles(to_utime(m.header.utime));
+  }
+  void note(const LogEvent&, const obstacle_voxels_t& m) {
+    robots_[m.header.robot_id].reactions.obstacles(to_utime(m.header.utime));
+  }
+  void note(const LogEvent&, const sogm_t& m) {
+    if (m.part == m.num_parts - 1) robots_[m.header.robot_id].reactions.map(to_utime(m.header.utime));
+  }
+  void note(const LogEvent&, const candidate_t& m) {
+    robots_[m.header.robot_id].reactions.candidate(to_utime(m.header.utime), to_utime(m.trajectory.start_utime));
+  }
+  void note(const LogEvent&, const planner_status_t& m) {
     Robot& robot = robots_[m.header.robot_id];
     if (m.plans != robot.plans && m.plans > 0) robot.plan_ms.push_back(m.total_ms);
+    if (m.plans != robot.plans) robot.reactions.planned(to_utime(m.header.utime));
     robot.plans = m.plans;
     robot.missed.add(m.header.boot, m.missed);
     add_refused(m, "planner", &robot);
   }
-  void note(const std::string&, const broadcast_status_t& m) {
+  void note(const LogEvent&, const broadcast_status_t& m) {
     Robot& robot = robots_[m.header.robot_id];
     const std::int32_t boot = m.header.boot;
     robot.candidates.add(boot, m.candidates);
@@ -137,13 +202,13 @@ class Summary {
     for (std::size_t i = 0; i < robot.rejected.size(); ++i) robot.rejected[i].add(boot, m.rejected[i]);
     add_refused(m, "broadcast", &robot);
   }
-  void note(const std::string&, const map_status_t& m) {
+  void note(const LogEvent&, const map_status_t& m) {
     Robot& robot = robots_[m.header.robot_id];
     robot.build_ms.push_back(m.build_ms);
     add_refused(m, "map", &robot);
   }
   template <class T>
-  void note(const std::string&, const T&) {}
+  void note(const LogEvent&, const T&) {}
 
   void add_announcement(const std::string& channel, const header_t& header) {
     Announced& announced = announced_[{channel, header.robot_id}];
@@ -178,7 +243,8 @@ class Summary {
             .append(std::to_string(robot.rejected[i].sum()));
     }
     out += (rejected.empty() ? "" : ", rejected:" + rejected) + "\n";
-    out += text_of_timing("plan", robot.plan_ms) + text_of_timing("map", robot.build_ms);
+    out += text_of_timing("plan", robot.plan_ms) + text_of_timing("map", robot.build_ms) +
+           text_of_timing("obstacle to motion", robot.reactions.ms());
     for (const auto& [daemon, totals] : robot.refused) {
       std::string reasons;
       for (std::size_t i = 1; i < totals.size(); ++i) {
@@ -206,7 +272,8 @@ int log_info(int argc, const char* const* argv) {
   OptionSet options(
       "log_info",
       "Summarises LCM logs, as of swarm_sim run --out, tools/record or lcm-logger: channels with rates, gaps "
-      "and what\ncannot be read, planning times, what became of plans, refusals, losses. Exit code 2 when a "
+      "and what\ncannot be read, planning times, what became of plans, how soon obstacles were answered, refusals, "
+      "losses. Exit code 2 when a "
       "log cannot be read.");
   options.add_positional("LOG", &paths, "LCM log");
   if (options.parse(argc, argv, std::cout) == OptionSet::Parsed::kExit) return 0;

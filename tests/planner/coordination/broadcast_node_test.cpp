@@ -124,7 +124,7 @@ TEST(BroadcastNode, NewsAreRepeatedSoonAndNeverFasterThanTheSwarmMay) {
     slow.send(channel::kTrajectory, peer.message(slow.now, 1), BusId::kSwarm);
     slow.run_for(0.001);
   }
-  EXPECT_EQ(slow.out.count(channel::kTrajectory, BusId::kSwarm), 11);  // at once, then every 30 ms
+  EXPECT_EQ(slow.out.count(channel::kTrajectory, BusId::kSwarm), 12);  // two at once, then every 30 ms
   EXPECT_GT(slow.out.newest<announcement_t>(channel::kTrajectory, BusId::kSwarm).acks[0].judged_seq, 350);
 }
 
