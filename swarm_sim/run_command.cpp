@@ -10,9 +10,11 @@
 #include <optional>
 
 #include "lcmtypes/bus/atomic_file.h"
+#include "lcmtypes/bus/temporary_directory.h"
 #include "swarm_sim/campaign/flight_arguments.h"
 #include "swarm_sim/hosts/lockstep.h"
 #include "swarm_sim/hosts/processes.h"
+#include "swarm_sim/world/walls.h"
 #include "swarm_sim/world/world_json.h"
 #include "swarm_sim/world/world_list.h"
 
@@ -100,7 +102,9 @@ int run_command(int argc, const char* const* argv) try {
   if (options.parse(argc, argv, std::cout) == OptionSet::Parsed::kExit) return 0;
   const FlightOptions flight = flight_options(run.flight);  // bad input is found before anything is made
 
-  const World world = read_listed_world(run.world);
+  const World read = read_listed_world(run.world);
+  const TemporaryDirectory scratch("swarm_sim");
+  const World world = with_walls_in_file(read, scratch.path());
   std::optional<OccupiedCubes> static_map;
   if (!world.static_map.empty()) {
     static_map = OccupiedCubes::load(world.static_map);
@@ -122,7 +126,7 @@ int run_command(int argc, const char* const* argv) try {
   if (!run.out.empty()) {
     trace->close();
     logs->close();
-    write_file(out / "world.json", to_json_text(world, std::filesystem::absolute(out)));
+    write_file(out / "world.json", to_json_text(read, std::filesystem::absolute(out)));
     write_report(report, out / "report.json");
   }
   std::cout << summary_table(report) << std::flush;

@@ -105,9 +105,13 @@ def animation(run, out, speed):
     shown = WIDEST / max(width, height) * np.array([width, height])
     lines = [f'<path class="grid" d="M{PIXELS_PER_M * x},{-top:.0f}V{-top - height:.0f}"/>' for x in range(2 * int(np.ceil(low[0] / 2)), int(high[0]) + 1, 2)]
     lines += [f'<path class="grid" d="M{left:.0f},{PIXELS_PER_M * y}H{left + width:.0f}"/>' for y in range(2 * int(np.ceil(low[1] / 2)), int(high[1]) + 1, 2)]
+    walls = [
+        f'<rect class="column" x="{x:.1f}" y="{y:.1f}" width="{length:.1f}" height="{width:.1f}"/>'
+        for (x, y, _), (length, width, _) in ((PIXELS_PER_M * np.array(wall["min"]), PIXELS_PER_M * np.subtract(wall["max"], wall["min"])) for wall in run.walls)
+    ]
     obstacles = [moving(outline(obstacle), seconds, times, run.obstacle_at(obstacle, times)[0][:, :2]) for obstacle in run.obstacles]
     robots = [robot_shapes(run, i, COLORS[n % len(COLORS)], seconds, steps) for n, i in enumerate(run.robots)]
-    layers = [*lines, *obstacles, *(shape for layer in zip(*robots) for shape in layer)]
+    layers = [*lines, *walls, *obstacles, *(shape for layer in zip(*robots) for shape in layer)]
     text = [
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{shown[0]:.0f}" height="{shown[1]:.0f}" viewBox="{left:.0f} {top:.0f} {width:.0f} {height:.0f}">',
         f"<title>{html.escape(run.report['world'])}: {len(run.robots)} robots, {len(run.obstacles)} obstacles, seen from above</title><style>{STYLE}</style>",

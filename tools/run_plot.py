@@ -50,9 +50,8 @@ class Run:
         if not complete:
             raise BadInput(f"{directory / 'trace.csv'}: must hold every robot of world.json at every time")
         space = self.world["space"]
-        bounds = self.world.get("obstacle_bounds", {"min": space["min"][:2], "max": space["max"][:2]})
-        self.low, self.high = np.array(bounds["min"]), np.array(bounds["max"])
-        self.obstacles = self.world.get("obstacles", [])
+        self.bounds = self.world.get("obstacle_bounds", {"min": space["min"][:2], "max": space["max"][:2]})
+        self.obstacles, self.walls = self.world.get("obstacles", []), self.world.get("walls", [])
 
     def color(self, robot):
         return COLORS[list(self.robots).index(robot) % len(COLORS)]
@@ -69,9 +68,10 @@ class Run:
         else:
             # A path that reflects at both walls is a straight one, folded.
             start, velocity = np.array(obstacle["center"][:2], dtype=float), np.array(obstacle.get("velocity", [0, 0]), dtype=float)
-            width = self.high - self.low
-            phase = np.mod(start - self.low + np.outer(t, velocity), 2 * width)
-            xy = np.where(velocity != 0, self.low + np.where(phase < width, phase, 2 * width - phase), start)
+            bounds = obstacle.get("bounds", self.bounds)
+            low, width = np.array(bounds["min"]), np.subtract(bounds["max"], bounds["min"])
+            phase = np.mod(start - low + np.outer(t, velocity), 2 * width)
+            xy = np.where(velocity != 0, low + np.where(phase < width, phase, 2 * width - phase), start)
             speed = np.where(phase < width, 1, -1) * velocity
         return np.column_stack([xy, np.full(len(t), height[0])]), speed
 
@@ -128,6 +128,8 @@ def draw_scene(axis, run, k, since=0):
         axis.add_patch(outline(obstacle, center))
         if np.any(speed != 0):
             axis.annotate("", center[:2] + speed, center[:2], arrowprops={"arrowstyle": "->", "color": "#404040", "linewidth": 0.7})
+    for wall in run.walls:
+        axis.add_patch(plt.Rectangle(wall["min"][:2], *np.subtract(wall["max"], wall["min"])[:2], **SOLID))
     for i, trace in run.traces.items():
         color, goal = run.color(i), run.robots[i]["goal"]
         axis.plot(trace[since:, 2], trace[since:, 3], color=color, linewidth=1.2, label=f"robot {i}")

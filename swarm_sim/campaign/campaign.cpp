@@ -16,9 +16,11 @@
 #include <system_error>
 #include <thread>
 
+#include "lcmtypes/bus/temporary_directory.h"
 #include "lcmtypes/bus/text.h"
 #include "swarm_sim/hosts/lockstep.h"
 #include "swarm_sim/results/csv.h"
+#include "swarm_sim/world/walls.h"
 
 namespace swarm {
 namespace {
@@ -182,7 +184,8 @@ bool fly_campaign(const std::vector<Trial>& trials, const FlightArguments& argum
         trial = open[next++];
       }
       try {
-        const World world = trial->world();
+        const TemporaryDirectory scratch("swarm_sim");
+        const World world = with_walls_in_file(trial->world(), scratch.path());
         const auto static_map = static_map_of(world);
         bool whole = true;
         const RunReport report =

@@ -64,12 +64,13 @@ void check_motion(const World& world, std::size_t k) {
       fail(key + ".track[" + std::to_string(i) + "]", text_of(obstacle.track[i].t_s),
            "must be later than the point before");
   }
-  const Rectangle& bounds = world.obstacle_bounds;
+  const Rectangle& bounds = obstacle.bounds ? *obstacle.bounds : world.obstacle_bounds;
+  const std::string within = obstacle.bounds ? "its bounds" : "obstacle_bounds";
   for (int axis = 0; axis < 2; ++axis) {
     if (obstacle.velocity_mps[axis] == 0.0) continue;
     if (obstacle.center[axis] < bounds.min[axis] - kBorderTolerance_m ||
         obstacle.center[axis] > bounds.max[axis] + kBorderTolerance_m)
-      fail(key + ".center", text_of(obstacle.center), "must be inside obstacle_bounds because the obstacle moves");
+      fail(key + ".center", text_of(obstacle.center), "must be inside " + within + " because the obstacle moves");
   }
 }
 
@@ -77,17 +78,18 @@ void check_motion(const World& world, std::size_t k) {
 
 bool WorldObstacle::operator==(const WorldObstacle& other) const {
   return shape.kind == other.shape.kind && shape.size == other.shape.size && shape.yaw_rad == other.shape.yaw_rad &&
-         center == other.center && velocity_mps == other.velocity_mps && track == other.track;
+         center == other.center && velocity_mps == other.velocity_mps && track == other.track && bounds == other.bounds;
 }
 
 std::optional<ObstacleState> state_at(const WorldObstacle& obstacle, const World& world, double t_s) {
   ObstacleState state;
   state.position = obstacle.center;
   if (obstacle.track.empty()) {
+    const Rectangle& bounds = obstacle.bounds ? *obstacle.bounds : world.obstacle_bounds;
     for (int axis = 0; axis < 2; ++axis) {
       if (obstacle.velocity_mps[axis] == 0.0) continue;
-      const Coordinate c = reflect(obstacle.center[axis], obstacle.velocity_mps[axis], world.obstacle_bounds.min[axis],
-                                   world.obstacle_bounds.max[axis], t_s);
+      const Coordinate c =
+          reflect(obstacle.center[axis], obstacle.velocity_mps[axis], bounds.min[axis], bounds.max[axis], t_s);
       state.position[axis] = c.position;
       state.velocity[axis] = c.velocity;
     }

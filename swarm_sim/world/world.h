@@ -54,7 +54,8 @@ struct TrackPoint {
   bool operator==(const TrackPoint&) const = default;
 };
 
-// Without a track the centre moves uniformly from `center` and each horizontal coordinate reflects at obstacle_bounds.
+// Without a track the centre moves uniformly from `center` and each horizontal coordinate reflects at its bounds, or at
+// the world's obstacle_bounds where it has none.
 // With a track (two points or more, times increasing) it moves linearly from point to point, at the height of `center`,
 // and exists only between the first and the last.
 struct WorldObstacle {
@@ -62,6 +63,7 @@ struct WorldObstacle {
   Eigen::Vector3d center = Eigen::Vector3d::Zero();        // at t = 0, or at the first track point, W [m]
   Eigen::Vector2d velocity_mps = Eigen::Vector2d::Zero();  // at t = 0; zero with a track
   std::vector<TrackPoint> track;
+  std::optional<Rectangle> bounds;
   bool operator==(const WorldObstacle& other) const;
 };
 
@@ -73,6 +75,7 @@ struct World {
   double acceleration_mps2 = 6.0;  // limit of every robot, per axis
   double sensing_radius_m = 5.0;
   std::filesystem::path static_map;  // OctoMap file, absolute; empty: none
+  std::vector<Space> walls;          // solid; not with a static_map, but one is made of them to be flown in (walls.h)
   std::vector<WorldRobot> robots;
   std::vector<WorldObstacle> obstacles;
   bool operator==(const World&) const = default;

@@ -15,9 +15,9 @@ namespace {
 constexpr double kHeight_m = 1.0;          // of every start and goal
 constexpr double kStartClearance_m = 0.7;  // between an obstacle and a robot at t = 0
 constexpr int kMaxTries = 10000;           // per obstacle or robot
-constexpr int kUsualRobots = 10;
+constexpr int kUsualRobots = 10, kUsualRobotsInHall = 8;
 constexpr int kMaxObstacles = 500;
-constexpr std::array kTasks = {"cross", "bilateral", "unilateral", "circle", "random"};
+constexpr std::array kTasks = {"cross", "bilateral", "unilateral", "circle", "random", "hall"};
 constexpr std::array kEnvironments = {"empty", "pure", "mixed"};
 
 // Cut towards zero, so that ranges hold and libraries that differ in the last bit agree.
@@ -91,6 +91,85 @@ void add_random(World* world, const Fleet& fleet, Random* random) {
   }
 }
 
+// The hall from above: the middle, and rooms along both sides of it, between walls of 0.2 m.
+constexpr double kHallLength_m = 24.0, kHallWidth_m = 8.0, kHallHeight_m = 3.0, kRoomDepth_m = 5.0, kWall_m = 0.2;
+constexpr int kRoomsPerSide = 3, kRooms = 2 * kRoomsPerSide;
+
+// Room `i` between the middles of the walls around it.
+Rectangle room(int i) {
+  const double length_m = kHallLength_m / kRoomsPerSide, x = -kHallLength_m / 2 + i % kRoomsPerSide * length_m;
+  const double near = kHallWidth_m / 2, far = near + kRoomDepth_m;
+  return i < kRoomsPerSide ? Rectangle{{x, near}, {x + length_m, far}} : Rectangle{{x, -far}, {x + length_m, -near}};
+}
+Rectangle middle_of_hall() {
+  return {{-kHallLength_m / 2, -kHallWidth_m / 2}, {kHallLength_m / 2, kHallWidth_m / 2}};
+}
+// What is left `margin_m` off the faces of the walls around.
+Rectangle within_walls(const Rectangle& place, double margin_m) {
+  const double off_m = kWall_m / 2 + margin_m;
+  return {place.min.array() + off_m, place.max.array() - off_m};
+}
+
+void add_wall(World* world, const Eigen::Vector2d& from, const Eigen::Vector2d& to) {
+  const auto rounded = [](double value) { return std::round(value * 1e6) / 1e6; };
+  const Eigen::Vector2d low = (from.cwiseMin(to).array() - kWall_m / 2).unaryExpr(rounded);
+  const Eigen::Vector2d high = (from.cwiseMax(to).array() + kWall_m / 2).unaryExpr(rounded);
+  world->walls.push_back({{low.x(), low.y(), 0.0}, {high.x(), high.y(), kHallHeight_m}});
+}
+
+// Doors on the grid of the walls' voxels.
+void add_hall(World* world, const Fleet& fleet, Random* random) {
+  const double x = kHallLength_m / 2, near = kHallWidth_m / 2, far = near + kRoomDepth_m;
+  world->space = {{-x, -far, 0.0}, {x, far, kHallHeight_m}};
+  world->obstacle_bounds = {world->space.min.head<2>(), world->space.max.head<2>()};
+  for (const double side : {-1.0, 1.0}) {
+    add_wall(world, {side * x, -far}, {side * x, far});
+    add_wall(world, {-x, side * far}, {x, side * far});
+    for (int i = 1; i < kRoomsPerSide; ++i) {
+      const double between = -x + i * kHallLength_m / kRoomsPerSide;
+      add_wall(world, {between, side * near}, {between, side * far});
+    }
+  }
+  for (int i = 0; i < kRooms; ++i) {
+    const Rectangle inside = within_walls(room(i), kWall_m);
+    const double y = i < kRoomsPerSide ? near : -near, half_m = 0.1 * std::round(random->uniform(6.0, 8.0));
+    const double door = 0.1 * std::round(10.0 * random->uniform(inside.min.x() + half_m, inside.max.x() - half_m));
+    add_wall(world, {room(i).min.x(), y}, {door - half_m - kWall_m / 2, y});
+    add_wall(world, {door + half_m + kWall_m / 2, y}, {room(i).max.x(), y});
+  }
+  const int robots = fleet.robots != 0 ? fleet.robots : kUsualRobotsInHall;
+  std::vector<Eigen::Vector2d> starts, goals;
+  const auto place = [&](std::vector<Eigen::Vector2d>* places, int in_room) {
+    const Rectangle inside = within_walls(room(in_room), 2 * fleet.robot_m + 0.2);
+    for (int tries = 0; tries < kMaxTries; ++tries) {
+      const Eigen::Vector2d drawn(random->uniform(inside.min.x(), inside.max.x()),
+                                  random->uniform(inside.min.y(), inside.max.y()));
+      if (std::ranges::any_of(*places, [&](const auto& other) { return (drawn - other).norm() < 5 * fleet.robot_m; }))
+        continue;
+      places->push_back(drawn);
+      return;
+    }
+    throw WorldError("robots: " + std::to_string(robots) + " must find places apart; there is no room");
+  };
+  for (int i = 0; i < robots; ++i) {
+    place(&starts, i % kRooms);
+    place(&goals, (i + 1 + static_cast<int>(random->uniform(0.0, kRooms - 1.0))) % kRooms);
+    add_level_robot(world, fleet, starts.back(), goals.back());
+  }
+}
+
+// In the hall or in one of its rooms, in proportion to their areas.
+void put_into_hall(WorldObstacle* obstacle, Random* random) {
+  constexpr double kMiddle = kHallWidth_m / (kHallWidth_m + 2 * kRoomDepth_m);
+  const double where = random->uniform(0.0, 1.0);
+  const Rectangle place =
+      where < kMiddle ? middle_of_hall()
+                      : room(std::min(kRooms - 1, static_cast<int>((where - kMiddle) / (1 - kMiddle) * kRooms)));
+  const Shape& shape = obstacle->shape;
+  const bool ring = shape.kind == Shape::Kind::kRing;
+  obstacle->bounds = within_walls(place, ring ? shape.size.x() + shape.size.y() / 2 : shape.size.x() / 2);
+}
+
 void add_robots(World* world, Task task, const Fleet& fleet, Random* random) {
   const auto add = [&](const Eigen::Vector2d& start, const Eigen::Vector2d& goal) {
     add_level_robot(world, fleet, start, goal);
@@ -115,21 +194,27 @@ void add_robots(World* world, Task task, const Fleet& fleet, Random* random) {
     case Task::kRandom:
       add_random(world, fleet, random);
       break;
+    case Task::kHall:
+      add_hall(world, fleet, random);
+      break;
   }
 }
 
-WorldObstacle draw_obstacle(bool ring, const Rectangle& bounds, Random* random) {
+WorldObstacle draw_obstacle(bool ring, const World& world, Random* random) {
+  const bool in_hall = !world.walls.empty();
   WorldObstacle obstacle;
   if (ring) {
     obstacle.shape.kind = Shape::Kind::kRing;
-    obstacle.shape.size = {random->uniform(0.7, 2.5), 0.1, 0.0};
+    obstacle.shape.size = {random->uniform(0.7, in_hall ? 1.2 : 2.5), 0.1, 0.0};
     obstacle.center.z() = random->uniform(0.8, 2.0);
     obstacle.shape.yaw_rad = random->uniform(0.0, std::numbers::pi);
   } else {
     obstacle.shape.kind = Shape::Kind::kColumn;
-    obstacle.shape.size = {random->uniform(0.5, 1.0), 4.0, 0.0};
+    obstacle.shape.size = {random->uniform(0.5, 1.0), in_hall ? kHallHeight_m : 4.0, 0.0};
     obstacle.center.z() = 0.5 * obstacle.shape.size.y();
   }
+  if (in_hall) put_into_hall(&obstacle, random);
+  const Rectangle& bounds = obstacle.bounds ? *obstacle.bounds : world.obstacle_bounds;
   const double speed_mps = random->uniform(0.0, 1.0), heading_rad = random->uniform(0.0, 2.0 * std::numbers::pi);
   const auto [sin, cos] = sin_cos(heading_rad);
   obstacle.velocity_mps = {cut(speed_mps * cos), cut(speed_mps * sin)};
@@ -169,7 +254,8 @@ Environment environment_from(const std::string& text) {
 }
 
 void declare(OptionSet& options, Fleet& fleet) {
-  options.add("robots", &fleet.robots, 0, kMaxRobots, "", "robots of the tasks circle and random; 0: 10");
+  options.add("robots", &fleet.robots, 0, kMaxRobots, "",
+              "robots of the tasks circle, random and hall; 0: 10, in the hall 8");
   options.add("radius", &fleet.circle_m, 0, 1000, "m", "of the circle; 0: 10 m");
   options.add("robot-radius", &fleet.robot_m, 0.01, 10, "m", "of each robot");
   options.add("speed", &fleet.speed_mps, 0.01, 100, "m/s", "limit of every robot, per axis");
@@ -194,9 +280,9 @@ World make_world(Task task, Environment environment, int obstacles, std::uint64_
   if (obstacles < 0 || obstacles > most)
     throw WorldError("obstacles: " + std::to_string(obstacles) + " must be in [0, " + std::to_string(most) +
                      "] with env " + to_string(environment));
-  const bool free_number = task == Task::kCircle || task == Task::kRandom;
+  const bool free_number = task == Task::kCircle || task == Task::kRandom || task == Task::kHall;
   if (!free_number && fleet.robots != 0)
-    throw WorldError("robots: only the tasks circle and random let you choose the number of robots");
+    throw WorldError("robots: only the tasks circle, random and hall let you choose the number of robots");
   if (fleet.robots != 0 && (fleet.robots < 2 || fleet.robots > kMaxRobots))
     throw WorldError("robots: " + std::to_string(fleet.robots) + " must be in [2, " + std::to_string(kMaxRobots) + "]");
   if (task != Task::kCircle && fleet.circle_m != 0.0) throw WorldError("radius: only the task circle has a radius");
@@ -210,12 +296,12 @@ World make_world(Task task, Environment environment, int obstacles, std::uint64_
   add_robots(&world, task, fleet, &random);
   const int columns = environment == Environment::kMixed ? (obstacles + 1) / 2 : obstacles;
   for (int i = 0; i < obstacles; ++i) {
-    WorldObstacle obstacle = draw_obstacle(i >= columns, world.obstacle_bounds, &random);
+    WorldObstacle obstacle = draw_obstacle(i >= columns, world, &random);
     for (int tries = 1; !clear_of_starts(obstacle, world); ++tries) {
       if (tries == kMaxTries)
         throw WorldError("obstacles: " + std::to_string(obstacles) +
                          " must find places 0.7 m clear of every start; there is no room");
-      obstacle = draw_obstacle(i >= columns, world.obstacle_bounds, &random);
+      obstacle = draw_obstacle(i >= columns, world, &random);
     }
     world.obstacles.push_back(std::move(obstacle));
   }

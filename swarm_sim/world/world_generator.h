@@ -1,5 +1,5 @@
-// Seeded worlds: the three tasks of the paper's evaluation (section V), the circle and random goals, among columns and
-// rings.
+// Seeded worlds: the three tasks of the paper's evaluation (section V), the circle, random goals, and a hall with
+// rooms, among columns and rings.
 #pragma once
 
 #include <cstdint>
@@ -10,7 +10,7 @@
 
 namespace swarm {
 
-enum class Task { kCross, kBilateral, kUnilateral, kCircle, kRandom };
+enum class Task { kCross, kBilateral, kUnilateral, kCircle, kRandom, kHall };
 enum class Environment { kEmpty, kPure, kMixed };  // nothing; columns only; half columns (rounded up), half rings
 const char* to_string(Task task);
 const char* to_string(Environment environment);
@@ -19,9 +19,9 @@ Task task_from(const std::string& text);
 Environment environment_from(const std::string& text);
 
 // Who flies. The tasks of the paper have four robots at places of their own; on the circle each goes to its antipode,
-// in the random task from anywhere in the space to anywhere else.
+// in the random task from anywhere in the space to anywhere else, in the hall from a room to another one.
 struct Fleet {
-  int robots = 0;          // circle and random only: [2, 60]; 0: 10
+  int robots = 0;          // circle, random and hall only: [2, 60]; 0: 10, in the hall 8
   double circle_m = 0.0;   // radius of the circle: [0.5, 1000]; 0: 10
   double robot_m = 0.2;    // radius of each robot
   double speed_mps = 2.0;  // limits per axis
@@ -33,10 +33,12 @@ void declare(OptionSet& options, Fleet& fleet);
 // What differs from the defaults, as it is given on the command line.
 std::string command_line(const Fleet& fleet);
 
-// Obstacles start anywhere in obstacle_bounds but not within 0.7 m of a robot's start (surface to surface); space and
-// bounds grow with the circle. The same arguments give the same world on every machine: values are drawn in multiples
-// of 1 um, um/s, urad. `obstacles` in [0, 500], 0 in the empty environment. Throws WorldError, also when no place is
-// found for an obstacle or a robot.
+// The hall is 24 x 8 x 3 m, with three rooms of 8 x 5 m along each side, whose doors of 1.2 to 1.6 m have places of
+// their own in each world; obstacles move inside the hall or inside a room. Elsewhere there are no walls. Obstacles
+// start anywhere in obstacle_bounds but not within 0.7 m of a robot's start (surface to surface); space and bounds grow
+// with the circle. The same arguments give the same world on every machine: values are drawn in multiples of 1 um,
+// um/s, urad. `obstacles` in [0, 500], 0 in the empty environment. Throws WorldError, also when no place is found for
+// an obstacle or a robot.
 World make_world(Task task, Environment environment, int obstacles, std::uint64_t seed, const Fleet& fleet = {});
 
 }  // namespace swarm

@@ -13,7 +13,7 @@ namespace {
 using nlohmann::ordered_json;
 
 constexpr double kFar_m = 1e4, kLarge_m = 1e3, kFast_mps = 100.0, kLate_s = 1e6;
-constexpr std::size_t kMaxWorldObstacles = 4096, kMaxName = 100, kMaxPath = 4096;
+constexpr std::size_t kMaxWorldObstacles = 4096, kMaxWalls = 4096, kMaxName = 100, kMaxPath = 4096;
 constexpr auto kPositive = JsonValue::Low::kExcluded;
 
 template <class Box>
@@ -42,20 +42,20 @@ Shape read_shape(const JsonValue& value) {
   const auto length = [&](const char* key) { return value.at(key).number(0.0, kLarge_m, kPositive); };
   Shape shape;
   if (name == "column") {
-    value.expect_keys({"shape", "center", "diameter", "height", "velocity", "track"});
+    value.expect_keys({"shape", "center", "diameter", "height", "velocity", "track", "bounds"});
     shape.kind = Shape::Kind::kColumn;
     shape.size = {length("diameter"), length("height"), 0.0};
   } else if (name == "ring") {
-    value.expect_keys({"shape", "center", "radius", "width", "yaw", "velocity", "track"});
+    value.expect_keys({"shape", "center", "radius", "width", "yaw", "velocity", "track", "bounds"});
     shape.kind = Shape::Kind::kRing;
     shape.size = {length("radius"), length("width"), 0.0};
     if (shape.size.y() > 2.0 * shape.size.x()) value.at("width").fail("at most twice the ring's radius");
   } else if (name == "box") {
-    value.expect_keys({"shape", "center", "size", "yaw", "velocity", "track"});
+    value.expect_keys({"shape", "center", "size", "yaw", "velocity", "track", "bounds"});
     shape.kind = Shape::Kind::kBox;
     shape.size = value.at("size").numbers(3, 0.0, kLarge_m, kPositive);
   } else if (name == "sphere") {
-    value.expect_keys({"shape", "center", "diameter", "velocity", "track"});
+    value.expect_keys({"shape", "center", "diameter", "velocity", "track", "bounds"});
     shape.kind = Shape::Kind::kSphere;
     shape.size = {length("diameter"), 0.0, 0.0};
   } else {
@@ -98,12 +98,16 @@ WorldObstacle read_obstacle(const JsonValue& value) {
     if (track) velocity->fail("absent: the track tells the motion");
     obstacle.velocity_mps = velocity->numbers(2, -kFast_mps, kFast_mps);
   }
+  if (const auto bounds = value.find("bounds")) {
+    if (track) bounds->fail("absent: the track tells the motion");
+    obstacle.bounds = read_box<Rectangle>(*bounds);
+  }
   return obstacle;
 }
 
 World read_values(const JsonValue& value, const std::filesystem::path& directory) {
   value.expect_keys(
-      {"name", "space", "obstacle_bounds", "limits", "sensing_radius", "static_map", "robots", "obstacles"});
+      {"name", "space", "obstacle_bounds", "limits", "sensing_radius", "static_map", "walls", "robots", "obstacles"});
   World world;
   world.name = value.at("name").text(kMaxName);
   world.space = read_box<Space>(value.at("space"));
@@ -121,6 +125,11 @@ World read_values(const JsonValue& value, const std::filesystem::path& directory
     if (!std::filesystem::is_regular_file(world.static_map, ignored))
       map->fail("an existing file, relative to the world file");
   }
+  if (const auto walls = value.find("walls")) {
+    if (!world.static_map.empty()) walls->fail("absent where there is a static_map");
+    if (walls->items().size() > kMaxWalls) walls->fail("an array of at most 4096 walls");
+    for (const JsonValue& item : walls->items()) world.walls.push_back(read_box<Space>(item));
+  }
   const JsonValue robots = value.at("robots"), obstacles = value.at("obstacles");
   for (const JsonValue& item : robots.items()) world.robots.push_back(read_robot(item));
   if (obstacles.items().size() > kMaxWorldObstacles) obstacles.fail("an array of at most 4096 obstacles");
@@ -130,6 +139,10 @@ World read_values(const JsonValue& value, const std::filesystem::path& directory
 
 ordered_json array(const Eigen::Ref<const Eigen::VectorXd>& values) {
   return std::vector<double>(values.begin(), values.end());
+}
+
+ordered_json to_json(const Space& box) {
+  return {{"min", array(box.min)}, {"max", array(box.max)}};
 }
 
 ordered_json to_json(const WorldRobot& robot) {
@@ -160,6 +173,7 @@ ordered_json to_json(const WorldObstacle& obstacle) {
   }
   if (obstacle.track.empty()) {
     json["velocity"] = array(obstacle.velocity_mps);
+    if (obstacle.bounds) json["bounds"] = {{"min", array(obstacle.bounds->min)}, {"max", array(obstacle.bounds->max)}};
   } else {
     for (const TrackPoint& point : obstacle.track)
       json["track"].push_back({point.t_s, point.position.x(), point.position.y()});
@@ -205,6 +219,7 @@ std::string to_json_text(const World& world, const std::filesystem::path& direct
     const auto base = (std::filesystem::current_path() / directory).lexically_normal();
     text += ",\n \"static_map\": " + ordered_json(world.static_map.lexically_proximate(base).string()).dump();
   }
+  if (!world.walls.empty()) text += ",\n \"walls\": " + lines(world.walls);
   text += ",\n \"robots\": " + lines(world.robots);
   return text + ",\n \"obstacles\": " + lines(world.obstacles) + "}\n";
 }

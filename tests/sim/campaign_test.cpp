@@ -254,6 +254,19 @@ TEST(CampaignSuccess, ASmallFixedCampaignSucceeds) {
   EXPECT_LT(last_s / successes, 9.8) << campaign_table(results.rows());
 }
 
+// Eight robots from room to room through doors and a hall where columns move.
+TEST(CampaignSuccess, RobotsFlyFromRoomToRoom) {
+  TemporaryDirectory directory;
+  std::vector<Trial> trials;
+  for (const int seed : {501, 502, 503, 504}) trials.push_back(seeded_trial("hall", "pure", 15, seed));
+  ResultsFile results(directory / "results.csv");
+  ASSERT_TRUE(fly_campaign(
+      trials, {}, 2, results, [] { return true; }, [](const TrialRow&) {}));
+  ASSERT_EQ(results.rows().size(), 4u);
+  for (const TrialRow& row : results.rows())
+    EXPECT_EQ(cell(row, "outcome"), "success") << cell(row, "trial") << ": " << cell(row, "touches");
+}
+
 // A thousand rods and balls of 1 mm to 5 cm in the way of two robots, half of them moving, many at voxels' corners.
 TEST(CampaignSuccess, NothingThinIsFlownThrough) {
   std::mt19937 engine(20);

@@ -10,6 +10,8 @@
 #include <numbers>
 #include <random>
 
+#include "swarm_sim/world/occupied_cubes.h"
+#include "swarm_sim/world/walls.h"
 #include "swarm_sim/world/world_json.h"
 #include "swarm_sim/world_command.h"
 #include "tests/support/harness.h"
@@ -99,6 +101,50 @@ struct Uniformity {
     EXPECT_NEAR(sum / count, 0.5 * (low + high), 4 * sigma) << what;
   }
 };
+
+// Rooms with a door each; robots go from room to room; what moves stays off the walls.
+TEST(Generator, HallHasRoomsWithDoors) {
+  for (int seed = 1; seed <= 20; ++seed) {
+    SCOPED_TRACE(seed);
+    const World world = make_world(Task::kHall, Environment::kMixed, 30, static_cast<std::uint64_t>(seed));
+    EXPECT_EQ(world, make_world(Task::kHall, Environment::kMixed, 30, static_cast<std::uint64_t>(seed)));
+    ASSERT_EQ(world.robots.size(), 8u);
+    const TemporaryDirectory directory;
+    const OccupiedCubes walls = OccupiedCubes::load(with_walls_in_file(world, directory.path()).static_map);
+    const auto room_of = [](const Eigen::Vector3d& place) {
+      EXPECT_GT(std::abs(place.y()), 4.1);
+      return 3 * (place.y() > 0) + static_cast<int>((place.x() + 12) / 8);
+    };
+    for (const WorldRobot& robot : world.robots) {
+      EXPECT_NE(room_of(robot.start), room_of(robot.goal));
+      EXPECT_GT(walls.distance(robot.start, 2), robot.radius_m);
+      EXPECT_GT(walls.distance(robot.goal, 2), robot.radius_m);
+    }
+    for (const double y : {-4.0, 4.0}) {  // along the walls of the rooms: three gaps of 1.2 to 1.6 m
+      std::vector<double> gaps_m;
+      bool was_open = false;
+      for (int i = -119; i < 119; ++i) {
+        const bool is_open = walls.distance({0.1 * i + 0.05, y, 1}, 1) > 0;
+        if (is_open && !was_open) gaps_m.push_back(0.0);
+        if (is_open) gaps_m.back() += 0.1;
+        was_open = is_open;
+      }
+      ASSERT_EQ(gaps_m.size(), 3u);
+      for (const double gap_m : gaps_m) {
+        EXPECT_GT(gap_m, 1.15);
+        EXPECT_LT(gap_m, 1.65);
+      }
+    }
+    for (const WorldObstacle& obstacle : world.obstacles) {
+      const bool ring = obstacle.shape.kind == Shape::Kind::kRing;
+      const double reach_m = ring ? obstacle.shape.size.x() + obstacle.shape.size.y() / 2 : obstacle.shape.size.x() / 2;
+      for (double t_s = 0; t_s < 60; t_s += 0.5) {
+        const Eigen::Vector3d place = state_at(obstacle, world, t_s)->position;
+        EXPECT_GT(walls.distance({place.x(), place.y(), 1}, 5), reach_m - 1e-6) << t_s;
+      }
+    }
+  }
+}
 
 TEST(Generator, DrawsThePapersRanges) {
   Uniformity diameter{0.5, 1.0}, radius{0.7, 2.5}, height{0.8, 2.0}, yaw{0, std::numbers::pi}, speed{0, 1 + 1e-6},

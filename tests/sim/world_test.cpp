@@ -10,6 +10,7 @@
 #include <random>
 
 #include "swarm_sim/world/occupied_cubes.h"
+#include "swarm_sim/world/walls.h"
 #include "swarm_sim/world/world_generator.h"
 #include "swarm_sim/world/world_json.h"
 #include "tests/support/harness.h"
@@ -169,7 +170,7 @@ TEST(WorldJson, RefusesBadInputWithOneClearLine) {
        R"(name: "a\nb" must be a text of 1 to 100 characters without control characters)"},
       {"\"name\": \"good\", ", "", "name: is missing and must be given"},
       {"\"name\"", "\"nam\"",
-       "\"nam\" is an unknown key; known are name, space, obstacle_bounds, limits, sensing_radius, static_map, robots, "
+       "\"nam\" is an unknown key; known are name, space, obstacle_bounds, limits, sensing_radius, static_map, walls, robots, "
        "obstacles"},
       {"\"name\"", "\"name\": \"first\", \"name\"", "\"name\": a key must not be given twice"},
       {"\"min\": [-8,-8,0]", "\"min\": [-8,-8]", "space.min: [-8,-8] must be an array of 3 numbers"},
@@ -211,7 +212,7 @@ TEST(WorldJson, RefusesBadInputWithOneClearLine) {
       {"\"diameter\": 0.8", "\"diameter\": -0.8", "obstacles[0].diameter: -0.8 must be a number in (0, 1000]"},
       {"\"diameter\": 0.8, ", "", "obstacles[0].diameter: is missing and must be given"},
       {"\"diameter\": 0.8", "\"width\": 0.8",
-       "obstacles[0]: \"width\" is an unknown key; known are shape, center, diameter, height, velocity, track"},
+       "obstacles[0]: \"width\" is an unknown key; known are shape, center, diameter, height, velocity, track, bounds"},
       {"\"width\": 0.1", "\"width\": 3.1", "obstacles[1].width: 3.1 must be at most twice the ring's radius"},
       {"\"center\": [0,3,1.2]", "\"center\": [0,3]", "obstacles[1].center: [0,3] must be an array of 3 numbers"},
       {"\"center\": [1,2], ", "", "obstacles[0].center: is missing and must be given"},
@@ -297,6 +298,11 @@ TEST(WorldFiles, WritingReadsBackAsTheSameWorld) {
       if (obstacle.shape.kind == Shape::Kind::kRing || obstacle.shape.kind == Shape::Kind::kBox)
         obstacle.shape.yaw_rad = 3 * unit(random);
       if (obstacle.track.empty()) obstacle.velocity_mps = {unit(random), unit(random)};
+      if (obstacle.track.empty() && unit(random) < 0) obstacle.bounds = {{-8 + unit(random), -8}, {8, 8}};
+    }
+    if (unit(random) < 0) {
+      world.static_map.clear();
+      world.walls = {{{-3, -2 + unit(random), 0}, {3, 0, 2}}, {{4, 4, 0}, {5, 5 + unit(random) / 2, 3}}};
     }
     const std::string text = to_json_text(world, directory.path());
     EXPECT_EQ(parse_world(text, "again", directory.path()), world) << text;
@@ -305,6 +311,48 @@ TEST(WorldFiles, WritingReadsBackAsTheSameWorld) {
   World a = parse_world(kGood, "w.json", ""), b = a;
   b.obstacles[1].shape.yaw_rad = std::nextafter(b.obstacles[1].shape.yaw_rad, 1.0);
   EXPECT_FALSE(a == b) << "the comparison itself must see a last bit";
+}
+
+TEST(WorldFiles, AnObstacleTurnsAtBoundsOfItsOwn) {
+  World world = parse_world(kGood, "w.json", "");
+  WorldObstacle& obstacle = world.obstacles[0];
+  obstacle.center = {1, 1, 2};
+  obstacle.velocity_mps = {1, 0};
+  obstacle.bounds = {{0, 0}, {2, 2}};
+  EXPECT_NEAR(state_at(obstacle, world, 2.5)->position.x(), 0.5, 1e-12);
+  EXPECT_EQ(state_at(obstacle, world, 2.5)->velocity.x(), -1);
+  obstacle.center.x() = 2.5;
+  try {
+    check_world(world);
+    FAIL();
+  } catch (const WorldError& error) {
+    EXPECT_EQ(std::string(error.what()),
+              "obstacles[0].center: [2.5,1,2] must be inside its bounds because the obstacle moves");
+  }
+}
+
+// The voxels that the walls overlap, exactly where their faces lie on voxels' faces, and at least one across.
+TEST(WorldFiles, WallsAreFlownAsAnOctoMap) {
+  World world = parse_world(kGood, "w.json", "");
+  world.static_map.clear();
+  world.walls = {{{-1, 2, 0}, {1, 2.2, 1}}, {{3.04, 0.01, 0}, {3.05, 0.19, 0.3}}};
+  const TemporaryDirectory directory;
+  const World flown = with_walls_in_file(world, directory.path());
+  EXPECT_TRUE(flown.walls.empty());
+  EXPECT_EQ(flown.static_map, directory / "walls.ot");
+  const OccupiedCubes cubes = OccupiedCubes::load(flown.static_map);
+  double volume = 0.0;
+  for (const OccupiedCubes::Cube& cube : cubes.cubes()) volume += std::pow(2 * cube.half_edge_m, 3);
+  EXPECT_NEAR(volume, 2 * 0.2 * 1 + 0.1 * 0.2 * 0.3, 1e-9);
+  EXPECT_NEAR(cubes.distance({0, 1.5, 0.5}, 2), 0.5, 1e-6);
+  EXPECT_NEAR(cubes.distance({0, 2.5, 0.5}, 2), 0.3, 1e-6);
+  EXPECT_NEAR(cubes.distance({3.5, 0.1, 0.1}, 2), 0.4, 1e-6);
+  world.walls.clear();
+  EXPECT_EQ(with_walls_in_file(world, directory.path()), world);
+  world.walls = {{{-100, -100, 0}, {100, 100, 10}}};
+  EXPECT_THROW(with_walls_in_file(world, directory.path()), WorldError);
+  world.walls = {{{4000, 0, 0}, {4001, 1, 1}}};
+  EXPECT_THROW(with_walls_in_file(world, directory.path()), WorldError);
 }
 
 TEST(WorldFiles, ExampleWorldsAreAccepted) {

@@ -10,6 +10,8 @@
 #include <utility>
 
 #include "lcmtypes/bus/option_set.h"
+#include "lcmtypes/bus/temporary_directory.h"
+#include "swarm_sim/world/walls.h"
 #include "swarm_sim/world/world_json.h"
 #include "tools/viewer/live_source.h"
 #include "tools/viewer/log_player.h"
@@ -76,13 +78,14 @@ int view(int argc, const char* const* argv) {
       std::make_shared<spdlog::logger>("swarm_view", std::make_shared<spdlog::sinks::stderr_color_sink_mt>()));
   spdlog::set_pattern("%Y-%m-%d %H:%M:%S.%e %^%l%$ %v");
 
+  std::optional<OccupiedCubes> static_map;
   if (!view.world.empty()) {
-    const World world = read_world(view.world);
+    const TemporaryDirectory scratch("swarm_view");
+    const World world = with_walls_in_file(read_world(view.world), scratch.path());
     view.live.onboard.clear();
     for (const WorldRobot& robot : world.robots) view.live.onboard.push_back(robot.id);
-    if (view.static_map.empty()) view.static_map = world.static_map;
+    if (view.static_map.empty() && !world.static_map.empty()) static_map = OccupiedCubes::load(world.static_map);
   }
-  std::optional<OccupiedCubes> static_map;
   if (!view.static_map.empty()) static_map = OccupiedCubes::load(view.static_map);
   std::optional<LogIndex> index;
   if (!view.logs.empty()) {
