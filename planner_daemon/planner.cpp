@@ -166,6 +166,7 @@ void Planner::build_heuristics(const PlanRequest& request) {
 SearchStatus Planner::search(const PlanRequest& request) {
   guidance_.work();
   if (is_slow(request)) build_heuristics(request);
+  if (!request.is_aside) result_.is_unreachable = guidance_.is_unreachable(reachable_.center);
   SearchProblem& problem = search_problem_;
   problem = {request.own.at(request.start_utime),
              request.start_utime,

@@ -55,6 +55,7 @@ struct PlanResult {
   std::vector<Polytope> corridors;  // one per piece that was smoothed; bound the robot's centre
   SearchStatus search_status = SearchStatus::kPartial;
   int expansions = 0;
+  bool is_unreachable = false;  // the goal, see Guidance
   std::array<double, kNumPlanSteps> step_ms{};  // wall time; 0 without a stopwatch
 
   double total_ms() const { return std::accumulate(step_ms.begin(), step_ms.end(), 0.0); }

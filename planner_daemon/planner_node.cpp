@@ -231,7 +231,7 @@ Utime PlannerNode::step(Utime now, Outbox& outbox) {
     }
   }
   if (now >= status_.due(now, kStatusPeriod)) {
-    std::int16_t state = planner_status_t::kPlanning;
+    std::int16_t state = planning_state();
     if (!has_map)
       state = planner_status_t::kNoMap;
     else if (stale)
@@ -321,7 +321,11 @@ void PlannerNode::plan(Utime now, Outbox& outbox) {
     outbox.publish(BusId::kOnboard, channel::kCandidate, candidate);
     publish_corridors(now, outbox);
   }
-  publish_status(now, planner_status_t::kPlanning, outbox);
+  publish_status(now, planning_state(), outbox);
+}
+
+std::int16_t PlannerNode::planning_state() const {
+  return newest_ != nullptr && newest_->is_unreachable ? planner_status_t::kUnreachable : planner_status_t::kPlanning;
 }
 
 void PlannerNode::publish_corridors(Utime now, Outbox& outbox) {

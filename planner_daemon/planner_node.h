@@ -66,6 +66,7 @@ class PlannerNode : public Node {
   PlanDelay& delay_of(bool is_slow) { return plan_delays_[is_slow ? 1 : 0]; }
   void plan(Utime now, Outbox& outbox);
   void publish_corridors(Utime now, Outbox& outbox);
+  std::int16_t planning_state() const;
   void publish_status(Utime now, std::int16_t state, Outbox& outbox);
 
   PlannerNodeConfig config_;

@@ -164,7 +164,7 @@ Refusal validate(const map_status_t& m) {
 }
 
 Refusal validate(const planner_status_t& m) {
-  return verdict(within(m.state, planner_status_t::kPlanning, planner_status_t::kNoCommitted) &&
+  return verdict(within(m.state, planner_status_t::kPlanning, planner_status_t::kUnreachable) &&
                  within(m.outcome, planner_status_t::kSmooth, planner_status_t::kUnsafe) &&
                  amounts_ok(std::array{m.plans, m.missed, m.expansions}) && amounts_ok(m.refused) &&
                  amounts_ok(std::array{m.rate_hz, m.compose_ms, m.search_ms, m.corridor_ms, m.optimize_ms, m.check_ms,

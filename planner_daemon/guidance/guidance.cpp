@@ -7,6 +7,8 @@ namespace {
 // each plan while older ways still serve.
 constexpr std::int64_t kAtOnce = 500'000, kUntilItServes = 50'000, kEachTime = 3'000;
 
+constexpr double kAtGoal = 1.5;  // voxels: a way that ends so near leads to the goal
+
 }  // namespace
 
 void Guidance::update(const Sogm& sogm, const Sogm& standing, const Eigen::Vector3d& goal) {
@@ -29,14 +31,25 @@ void Guidance::update(const Sogm& sogm, const Sogm& standing, const Eigen::Vecto
   }
 }
 
-void Guidance::reconsider(const Eigen::Vector3d& place) {
-  if (empty_ || works_) return;
+bool Guidance::leads_from(const Eigen::Vector3d& place) const {
   const Eigen::Vector3i voxel = lattice_voxel(place, resolution_m_);
   for (int k = 0; k < 27; ++k) {  // the robot may touch what blocks it
     const Eigen::Vector3i beside = voxel + 3 * Eigen::Vector3i(k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1);
-    if (cost(beside) != Wavefront::kUnreached) return;
+    if (cost(beside) != Wavefront::kUnreached) return true;
   }
-  if (map_.forget_seen()) is_stale_ = true;
+  return false;
+}
+
+void Guidance::reconsider(const Eigen::Vector3d& place) {
+  if (!empty_ && !works_ && !leads_from(place) && map_.forget_seen()) is_stale_ = true;
+}
+
+bool Guidance::is_unreachable(const Eigen::Vector3d& place) const {
+  if (resolution_m_ == 0.0) return false;  // it knows no goal yet
+  if (!map_.in_flight_space(goal_voxel_)) return true;
+  if (empty_) return false;
+  const Field& field = fields_[static_cast<std::size_t>(serves_)];
+  return (field.grid.contains(goal_voxel_ - field.grid.origin) && field.beside_goal > kAtGoal) || !leads_from(place);
 }
 
 void Guidance::work() {
@@ -66,7 +79,7 @@ void Guidance::begin() {
       for (int w = 0; w < words; ++w) open[w] = ~in[w] & (w == words - 1 ? top : ~std::uint64_t{0});
     }
   }
-  front.seed_goal(goal_voxel_ - grid.origin, kBeside_m / grid.resolution_m);
+  field.beside_goal = front.seed_goal(goal_voxel_ - grid.origin, kBeside_m / grid.resolution_m);
   if (!grid.contains(goal_voxel_ - grid.origin))
     front.seed_edge([&](const Eigen::Vector3i& voxel) { return straight_cost(voxel + grid.origin); });
   works_ = true;

@@ -28,6 +28,9 @@ class Guidance {
 
   // Nothing stands between anywhere and the goal, or nothing is known: the way is straight.
   bool empty() const { return empty_; }
+  // No way leads from `place` to the goal, by all that is known to stand still: the goal lies in it, beyond the flight
+  // space, or behind it. A person who stands in a door may do so as well.
+  bool is_unreachable(const Eigen::Vector3d& place) const;
   // From the voxel of the lattice [Wavefront::Cost]; kUnreached: there is no way. Beyond what is known, straight.
   int cost(const Eigen::Vector3i& voxel) const;
   // As if nothing were in the way.
@@ -38,8 +41,10 @@ class Guidance {
   struct Field {
     Wavefront front;
     GridGeometry grid;
+    double beside_goal = 0.0;  // so far from it the ways end [voxels]
   };
 
+  bool leads_from(const Eigen::Vector3d& place) const;
   void begin();
   void work_on(std::int64_t words);
 

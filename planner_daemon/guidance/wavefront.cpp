@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <bit>
+#include <cmath>
+#include <limits>
 
 namespace swarm {
 
@@ -33,8 +35,8 @@ void Wavefront::seed(int x, int y, int w, std::uint64_t bits, int cost) {
   if ((bits & open_[word]) != 0) seeds_.push_back({cost, {word, bits}});
 }
 
-void Wavefront::seed_goal(const Eigen::Vector3i& goal, double beside) {
-  double nearest2 = beside * beside + 1e-9;
+double Wavefront::seed_goal(const Eigen::Vector3i& goal, double beside) {
+  double nearest2 = std::numeric_limits<double>::infinity();
   const int reach = static_cast<int>(beside + 1e-9);
   const Eigen::Vector3i first = (goal.array() - reach).max(0), last = (goal.array() + reach).min(size_.array() - 1);
   const auto for_each_open = [&](const auto& visit) {
@@ -48,10 +50,12 @@ void Wavefront::seed_goal(const Eigen::Vector3i& goal, double beside) {
   };
   const auto distance2 = [&](const Eigen::Vector3i& voxel) { return (voxel - goal).cast<double>().squaredNorm(); };
   for_each_open([&](const Eigen::Vector3i& voxel) { nearest2 = std::min(nearest2, distance2(voxel)); });
+  if (nearest2 > beside * beside + 1e-9) return std::numeric_limits<double>::infinity();
   for_each_open([&](const Eigen::Vector3i& voxel) {
     if (distance2(voxel) > nearest2 + 1e-9) return;
     seed(voxel.x(), voxel.y(), voxel.z() / 64, std::uint64_t{1} << voxel.z() % 64, straight_cost(voxel - goal));
   });
+  return std::sqrt(nearest2);
 }
 
 bool Wavefront::advance(std::int64_t max_words) {

@@ -37,8 +37,9 @@ class Wavefront {
 
   // The front starts at these voxels with such a cost: where they are open.
   void seed(int x, int y, int w, std::uint64_t bits, int cost);
-  // It starts at the goal; where that is closed, at the open voxels nearest to it, at most `beside` voxels away.
-  void seed_goal(const Eigen::Vector3i& goal, double beside);
+  // It starts at the goal; where that is closed, at the open voxels nearest to it, at most `beside` voxels away. Returns
+  // how far these are [voxels]; infinity: there are none.
+  double seed_goal(const Eigen::Vector3i& goal, double beside);
   // It starts at the outermost voxels: cost_of(voxel), kUnreached or more where it does not.
   template <class CostOf>
   void seed_edge(const CostOf& cost_of);

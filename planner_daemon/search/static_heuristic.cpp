@@ -51,7 +51,7 @@ void StaticHeuristic::build(const Occupancy& standing, double blocked_m, const E
     }
   }
   goal_ = lattice_voxel(goal, grid.resolution_m);
-  front_.seed_goal(goal_ - grid.origin, Guidance::kBeside_m / grid.resolution_m);
+  (void)front_.seed_goal(goal_ - grid.origin, Guidance::kBeside_m / grid.resolution_m);
   front_.seed_edge([&](const Eigen::Vector3i& at) {
     const Eigen::Vector3i place = at + grid.origin;
     if (guidance != nullptr && !guidance->empty()) return guidance->cost(place);

@@ -213,7 +213,7 @@ bool fly_campaign(const std::vector<Trial>& trials, const FlightArguments& argum
 
 std::string campaign_table(const std::vector<TrialRow>& rows) {
   struct Cell {
-    int trials = 0, successes = 0, collisions = 0, robot_touches = 0, conflicts = 0, forced = 0;
+    int trials = 0, successes = 0, collisions = 0, hits_at_rest = 0, robot_touches = 0, conflicts = 0, forced = 0;
     double last_s = 0.0, mean_s = 0.0;
     void add(const TrialRow& row) {
       ++trials;
@@ -222,6 +222,7 @@ std::string campaign_table(const std::vector<TrialRow>& rows) {
       conflicts += std::stoi(cell(row, "commit_conflicts"));
       forced += std::stoi(cell(row, "forced_commits"));
       if (outcome == "collision") ++collisions;
+      if (outcome == "collision" && cell(row, "paper_outcome") == "deadlock") ++hits_at_rest;
       if (outcome != "success") return;
       ++successes;
       last_s += std::stod(cell(row, "last_arrival_s"));
@@ -234,8 +235,9 @@ std::string campaign_table(const std::vector<TrialRow>& rows) {
     cells[cell(row, "task") + " " + cell(row, "env") + " " + cell(row, "obstacles")].add(row);
     all.add(row);
   }
-  std::vector<std::vector<std::string>> lines = {{"", "trials", "success %", "collision %", "stuck %", "robot touches",
-                                                  "commit conflicts", "forced", "last arrival s", "mean flight s"}};
+  std::vector<std::vector<std::string>> lines = {{"", "trials", "success %", "collision %", "of them at rest",
+                                                  "stuck %", "robot touches", "commit conflicts", "forced",
+                                                  "last arrival s", "mean flight s"}};
   const auto line = [&](const std::string& name, const Cell& c) {
     std::string last = "-", mean = "-";
     if (c.successes > 0) {
@@ -244,8 +246,9 @@ std::string campaign_table(const std::vector<TrialRow>& rows) {
       append_fixed(c.mean_s / c.successes, 2, &mean);
     }
     lines.push_back({name, std::to_string(c.trials), percent(c.successes, c.trials), percent(c.collisions, c.trials),
-                     percent(c.trials - c.successes - c.collisions, c.trials), std::to_string(c.robot_touches),
-                     std::to_string(c.conflicts), std::to_string(c.forced), last, mean});
+                     std::to_string(c.hits_at_rest), percent(c.trials - c.successes - c.collisions, c.trials),
+                     std::to_string(c.robot_touches), std::to_string(c.conflicts), std::to_string(c.forced), last,
+                     mean});
   };
   for (const auto& [name, c] : cells) line(name, c);
   line("all", all);

@@ -25,6 +25,8 @@ const char* to_string(Outcome outcome) {
       return "success";
     case Outcome::kCollision:
       return "collision";
+    case Outcome::kUnreachable:
+      return "unreachable";
     case Outcome::kDeadlock:
       return "deadlock";
     case Outcome::kTimeout:
@@ -97,7 +99,8 @@ void Judge::note(std::size_t i, Counterpart counterpart, int other, double dista
   const int id = verdicts_[i].id;
   const bool known = std::ranges::any_of(
       touches_, [&](const Touch& t) { return t.robot == id && t.counterpart == counterpart && t.other == other; });
-  if (!known) touches_.push_back({t_s_, id, counterpart, other, distance_m});
+  const bool at_rest = previous_[i].velocity.norm() < kAtRest_mps;
+  if (!known) touches_.push_back({t_s_, id, counterpart, other, distance_m, at_rest});
 }
 
 void Judge::judge_obstacles(std::span<const MotionState> robots) {

@@ -15,10 +15,11 @@
 namespace swarm {
 
 enum class Outcome : std::uint8_t {
-  kSuccess,    // all arrived and nothing touched
-  kCollision,  // anything touched
-  kDeadlock,   // not all arrived, and one that did not was nearly at rest over the last 3 s
-  kTimeout,    // not all arrived, for any other reason
+  kSuccess,      // all arrived and nothing touched
+  kCollision,    // anything touched
+  kUnreachable,  // not all arrived, and one that did not says that no way leads to its goal (the judge does not ask)
+  kDeadlock,     // not all arrived, and one that did not was nearly at rest over the last 3 s
+  kTimeout,      // not all arrived, for any other reason
 };
 enum class Counterpart : std::uint8_t { kObstacle, kStaticMap, kRobot };
 const char* to_string(Outcome outcome);
@@ -31,6 +32,7 @@ struct Touch {
   Counterpart counterpart = Counterpart::kObstacle;
   int other = -1;           // index of the obstacle, id of the robot; -1 for the static map
   double distance_m = 0.0;  // between the surfaces then, negative
+  bool at_rest = false;     // the robot was, nearly: it was hit rather than that it flew into something
   bool operator==(const Touch&) const = default;
 };
 

@@ -31,6 +31,7 @@ struct RobotWork {
   void note_step(const PlannerNode& planner, int* plans) {
     if (planner.plans() == *plans) return;
     *plans = planner.plans();
+    counts.is_unreachable = planner.newest_plan().is_unreachable;
     const auto& newest_ms = planner.newest_plan().step_ms;
     double total = 0.0;
     for (std::size_t i = 0; i < newest_ms.size(); ++i) {
@@ -101,19 +102,15 @@ RunReport report_of(const World& world, const Simulation& simulation, const std:
                     double wall_s) {
   std::vector<PlanningSamples> planning;
   std::vector<double> map_ms;
+  std::vector<RobotReport> robots;
   for (const RobotWork& robot : work) {
     planning.push_back(robot.step_ms);
+    robots.push_back(robot.counts);
     map_ms.insert(map_ms.end(), robot.map_ms.begin(), robot.map_ms.end());
   }
-  RunReport report =
-      make_report(world.name, "lockstep", simulation.judge(), simulation.t_s(simulation.now()), wall_s, planning);
+  RunReport report = make_report(world.name, "lockstep", simulation.judge(), simulation.t_s(simulation.now()), wall_s,
+                                 planning, std::move(robots));
   report.mapping = timing_stats(std::move(map_ms));
-  for (std::size_t r = 0; r < work.size(); ++r) {
-    RobotReport robot = work[r].counts;
-    robot.verdict = simulation.judge().robots()[r];
-    robot.plan_rate_hz = static_cast<double>(robot.plans) / report.duration_s;
-    report.robots.push_back(robot);
-  }
   return report;
 }
 

@@ -178,16 +178,14 @@ class Overseer {
 RunReport report_of(const World& world, const Simulation& simulation, const std::deque<RobotWatch>& robots,
                     double wall_s) {
   std::vector<PlanningSamples> planning;
-  for (const RobotWatch& robot : robots) planning.push_back(robot.step_ms());
-  RunReport report =
-      make_report(world.name, "processes", simulation.judge(), simulation.t_s(simulation.now()), wall_s, planning);
-  for (std::size_t i = 0; i < robots.size(); ++i) {
-    RobotReport robot = robots[i].counts();
-    robot.verdict = simulation.judge().robots()[i];
-    robot.plan_rate_hz = static_cast<double>(robot.plans) / report.duration_s;
-    report.robots.push_back(robot);
-    report.channels[channel::kTrajectory].lost += robots[i].lost();
+  std::vector<RobotReport> counts;
+  for (const RobotWatch& robot : robots) {
+    planning.push_back(robot.step_ms());
+    counts.push_back(robot.counts());
   }
+  RunReport report = make_report(world.name, "processes", simulation.judge(), simulation.t_s(simulation.now()), wall_s,
+                                 planning, std::move(counts));
+  for (const RobotWatch& robot : robots) report.channels[channel::kTrajectory].lost += robot.lost();
   return report;
 }
 

@@ -79,6 +79,7 @@ RobotReport RobotWatch::counts() const {
   RobotReport robot;
   robot.plans = planner_.plans - plans_before_;
   robot.missed = planner_.missed - missed_before_;
+  robot.is_unreachable = planner_.state == sogm_swarm::planner_status_t::kUnreachable;
   for (std::size_t i = 1; i < robot.refused.size(); ++i)
     robot.refused[i] = map_.refused[i] + planner_.refused[i] + broadcast_.refused[i];
   return robot;

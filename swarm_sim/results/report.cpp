@@ -21,11 +21,8 @@ ordered_json to_json(const TimingStats& s) {
 }
 
 ordered_json to_json(const Touch& touch) {
-  return {{"t", touch.t_s},
-          {"robot", touch.robot},
-          {"counterpart", to_string(touch.counterpart)},
-          {"other", touch.other},
-          {"distance", touch.distance_m}};
+  return {{"t", touch.t_s},       {"robot", touch.robot},         {"counterpart", to_string(touch.counterpart)},
+          {"other", touch.other}, {"distance", touch.distance_m}, {"at_rest", touch.at_rest}};
 }
 
 ordered_json to_json(const Clearance& clearance) {
@@ -42,6 +39,7 @@ ordered_json to_json(const RobotReport& robot) {
   }
   return {{"id", verdict.id},
           {"flight_time", verdict.flight_time_s ? ordered_json(*verdict.flight_time_s) : ordered_json()},
+          {"unreachable", robot.is_unreachable},
           {"clearance",
            {{"obstacles", to_json(verdict.to_obstacles)},
             {"static_map", to_json(verdict.to_static_map)},
@@ -67,20 +65,37 @@ ordered_json list(const std::vector<Item>& items) {
 }  // namespace
 
 RunReport make_report(const std::string& world, const std::string& mode, const Judge& judge, double duration_s,
-                      double wall_s, const std::vector<PlanningSamples>& planning) {
+                      double wall_s, const std::vector<PlanningSamples>& planning, std::vector<RobotReport> robots) {
   RunReport report;
   report.world = world;
   report.mode = mode;
-  report.outcome = judge.outcome();
   report.touches = judge.touches();
   report.duration_s = duration_s;
   report.wall_s = wall_s;
+  report.robots = std::move(robots);
+  for (std::size_t i = 0; i < report.robots.size(); ++i) {
+    report.robots[i].verdict = judge.robots()[i];
+    report.robots[i].plan_rate_hz = static_cast<double>(report.robots[i].plans) / duration_s;
+  }
+  report.outcome = judge.outcome();
+  const bool is_stuck = report.outcome == Outcome::kDeadlock || report.outcome == Outcome::kTimeout;
+  const bool is_unreachable = std::ranges::any_of(
+      report.robots, [](const RobotReport& robot) { return robot.is_unreachable && !robot.verdict.flight_time_s; });
+  if (is_stuck && is_unreachable) report.outcome = Outcome::kUnreachable;
+  report.paper_outcome = paper_outcome_of(report.outcome, report.touches);
   for (std::size_t step = 0; step < kPlanningSteps.size(); ++step) {
     std::vector<double> all;
     for (const PlanningSamples& robot : planning) all.insert(all.end(), robot[step].begin(), robot[step].end());
     report.planning[step] = timing_stats(std::move(all));
   }
   return report;
+}
+
+Outcome paper_outcome_of(Outcome outcome, const std::vector<Touch>& touches) {
+  if (outcome == Outcome::kSuccess) return outcome;
+  if (touches.empty()) return Outcome::kDeadlock;
+  return touches.front().at_rest && touches.front().counterpart == Counterpart::kObstacle ? Outcome::kDeadlock
+                                                                                          : Outcome::kCollision;
 }
 
 void RunReport::count_commits(const CommitAudit& audit) {
@@ -99,6 +114,7 @@ ordered_json to_json(const RunReport& report) {
           {"mode", report.mode},
           {"options", options},
           {"outcome", to_string(report.outcome)},
+          {"paper_outcome", to_string(report.paper_outcome)},
           {"duration", report.duration_s},
           {"wall", report.wall_s},
           {"touches", list(report.touches)},
@@ -133,6 +149,10 @@ std::string summary_table(const RunReport& report) {
         .append(" touched ")
         .append(to_string(touch.counterpart));
     text.append(other.empty() ? "" : " ").append(other).append(" at ").append(fixed(touch.t_s, 2)).append(" s\n");
+  }
+  for (const RobotReport& robot : report.robots) {
+    if (!robot.is_unreachable || robot.verdict.flight_time_s) continue;
+    text.append("  robot ").append(std::to_string(robot.verdict.id)).append(": no way leads to its goal\n");
   }
   std::vector<std::vector<std::string>> rows = {
       {"robot", "flight s", "to obstacles m", "to static m", "to robots m", "path m", "plans", "plans/s", "missed"}};

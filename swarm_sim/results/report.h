@@ -35,6 +35,7 @@ struct ChannelCount {
 
 struct RobotReport {
   RobotVerdict verdict;
+  bool is_unreachable = false;  // the goal, as the planner said last
   std::int64_t plans = 0;
   double plan_rate_hz = 0.0;
   std::int64_t missed = 0;                           // maps that arrived while no plan could start in time
@@ -46,8 +47,9 @@ struct RunReport {
   std::string mode;                                          // lockstep, processes
   std::vector<std::pair<std::string, std::string>> options;  // in the order to be shown
   Outcome outcome = Outcome::kTimeout;
-  double duration_s = 0.0;  // simulated
-  double wall_s = 0.0;      // spent on it
+  Outcome paper_outcome = Outcome::kTimeout;  // as the paper splits failures: see paper_outcome_of()
+  double duration_s = 0.0;                    // simulated
+  double wall_s = 0.0;                        // spent on it
   std::vector<Touch> touches;
   std::int64_t commit_conflicts = 0;  // committed motions that meet though nobody was forced; see commit_audit.h
   std::int64_t forced_commits = 0;    // without everybody's word, before an impact; see commit_protocol.h
@@ -60,9 +62,14 @@ struct RunReport {
   void count_commits(const CommitAudit& audit);
 };
 
-// What every host reports the same way: the judge's view and the planning times over all robots.
+// What every host reports the same way: the judge's view and the planning times over all robots. `robots`, in the
+// world's order: what the hosts have counted; verdicts and rates join it.
 RunReport make_report(const std::string& world, const std::string& mode, const Judge& judge, double duration_s,
-                      double wall_s, const std::vector<PlanningSamples>& planning);
+                      double wall_s, const std::vector<PlanningSamples>& planning, std::vector<RobotReport> robots);
+
+// The paper's split: success; deadlock, where a robot that had stopped for want of a plan was hit, or did
+// not arrive; collision, where one flew into something. By the first touch.
+Outcome paper_outcome_of(Outcome outcome, const std::vector<Touch>& touches);
 
 // Keys in a fixed order; what was never measured is null.
 nlohmann::ordered_json to_json(const RunReport& report);

@@ -93,7 +93,7 @@ TEST(Validate, Ranges) {
   EXPECT_RANGE(announcement_t, pending_stamp, std::int64_t{0}, to_us(kMaxUtime));
   EXPECT_RANGE(announcement_t, acks[1].verdict, 0, 2);
   EXPECT_RANGE(map_status_t, state, 0, 2);
-  EXPECT_RANGE(planner_status_t, state, 0, 4);
+  EXPECT_RANGE(planner_status_t, state, 0, 5);
   EXPECT_RANGE(planner_status_t, outcome, 0, 2);
   EXPECT_RANGE(broadcast_status_t, state, 0, 4);
   Judge<announcement_t> announcement;

@@ -45,6 +45,18 @@ TEST(PlannerNode, StatusNamesAMissingGoal) {
   EXPECT_EQ(f.status().state, planner_status_t::kPlanning);
 }
 
+TEST(PlannerNode, StatusSaysThatNoWayLeadsToTheGoal) {
+  PlannerNodeConfig config = Fixture::make_config();
+  config.planner.limits.space_max.z() = 3.0;
+  Fixture f(config);
+  f.start({1, 0, 4});
+  EXPECT_EQ(f.status().state, planner_status_t::kUnreachable);
+  f.send_goal({1, 0, 1});
+  f.run_for(0.3);
+  f.send_map();
+  EXPECT_EQ(f.status().state, planner_status_t::kPlanning);
+}
+
 // Who is not heard may have stepped aside: the way past it leads farther off.
 TEST(PlannerNode, KeepsFarFromSilentPeers) {
   double nearest[2] = {INFINITY, INFINITY};

@@ -188,6 +188,7 @@ TEST(Judge, EveryPairIsToldOnceAtItsFirstTime) {
   EXPECT_EQ(judge.touches()[0].other, 0);
   EXPECT_EQ(judge.touches()[0].robot, 5);
   EXPECT_NEAR(judge.touches()[0].t_s, 1.31, 1e-9);  // at 1.30 the surfaces just touch
+  EXPECT_FALSE(judge.touches()[0].at_rest);
   EXPECT_EQ(judge.touches()[1].counterpart, Counterpart::kStaticMap);
   EXPECT_NEAR(judge.touches()[1].t_s, 2.71, 1e-9);
   EXPECT_EQ(judge.touches()[2],
@@ -227,7 +228,8 @@ TEST(Judge, TracksAreJudgedOnlyWhileTheyExist) {
   EXPECT_TRUE(judge.touches().empty());
   EXPECT_FALSE(std::isfinite(judge.robots()[0].to_obstacles.distance_m));
   judge.update(1.0, std::vector{at({0, 0, 0})});
-  EXPECT_EQ(judge.touches().size(), 1u);
+  ASSERT_EQ(judge.touches().size(), 1u);
+  EXPECT_TRUE(judge.touches()[0].at_rest);
 }
 
 TEST(Judge, ArrivalNeedsNearnessAndLowSpeed) {

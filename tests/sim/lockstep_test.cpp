@@ -8,6 +8,7 @@
 #include <set>
 
 #include "lcmtypes/bus/channels.h"
+#include "swarm_sim/world/walls.h"
 #include "swarm_sim/world/world_generator.h"
 #include "tests/support/harness.h"
 #include "tests/support/sensor_phases.h"
@@ -240,6 +241,37 @@ TEST(Lockstep, FliesAroundTheStaticMap) {
     EXPECT_LT(robot.verdict.to_static_map.distance_m, 1.0);
     EXPECT_GT(robot.verdict.path_length_m, 5.3);  // 5.0 straight through
   }
+}
+
+// Robot 1's goal lies inside a closed room.
+TEST(Lockstep, SaysThatAGoalCannotBeReached) {
+  TemporaryDirectory directory;
+  World world = circle(2, 2.5, 0, 1);
+  world.robots[0].goal = {0.4, 2.0, 1.0};
+  world.robots[1].goal = {0.0, 0.0, 1.0};
+  for (const double side : {-1.0, 1.0}) {
+    world.walls.push_back({{side - 0.1, -1.1, 0}, {side + 0.1, 1.1, 4}});
+    world.walls.push_back({{-1.1, side - 0.1, 0}, {1.1, side + 0.1, 4}});
+  }
+  FlightOptions options;
+  options.time_limit_s = 5.0;
+  const Flight flight(with_walls_in_file(world, directory.path()), options);
+  EXPECT_EQ(flight.report.outcome, Outcome::kUnreachable) << summary_table(flight.report);
+  EXPECT_EQ(flight.report.paper_outcome, Outcome::kDeadlock);
+  EXPECT_FALSE(flight.report.robots[0].is_unreachable);
+  EXPECT_TRUE(flight.report.robots[0].verdict.flight_time_s.has_value());
+  EXPECT_TRUE(flight.report.robots[1].is_unreachable);
+  EXPECT_NE(summary_table(flight.report).find("robot 1: no way leads to its goal"), std::string::npos);
+}
+
+TEST(Lockstep, TheFirstTouchTellsThePapersSplitOfFailures) {
+  const Touch hit{1.0, 0, Counterpart::kObstacle, 3, -0.1, true}, flown_into{1.0, 0, Counterpart::kObstacle, 3, -0.1};
+  const Touch met{1.0, 0, Counterpart::kRobot, 1, -0.1, true};
+  EXPECT_EQ(paper_outcome_of(Outcome::kSuccess, {}), Outcome::kSuccess);
+  EXPECT_EQ(paper_outcome_of(Outcome::kTimeout, {}), Outcome::kDeadlock);
+  EXPECT_EQ(paper_outcome_of(Outcome::kCollision, {hit, flown_into}), Outcome::kDeadlock);
+  EXPECT_EQ(paper_outcome_of(Outcome::kCollision, {flown_into, hit}), Outcome::kCollision);
+  EXPECT_EQ(paper_outcome_of(Outcome::kCollision, {met}), Outcome::kCollision);
 }
 
 TEST(Lockstep, TimeLimitEndsTheRun) {

@@ -139,9 +139,8 @@ TEST_F(RunFiles, ReportTellsEverythingAndWhatIsUnknownIsNull) {
   EXPECT_EQ(json["world"], "cross-mixed-20-7");
   EXPECT_EQ(json["outcome"], "collision");
   EXPECT_EQ(json["options"]["loss"], "0.1");
-  EXPECT_EQ(
-      json["touches"],
-      nlohmann::json::parse(R"([{"t": 3.25, "robot": 1, "counterpart": "obstacle", "other": 4, "distance": -0.01}])"));
+  EXPECT_EQ(json["touches"], nlohmann::json::parse(R"([{"t": 3.25, "robot": 1, "counterpart": "obstacle", "other": 4,
+                                                        "distance": -0.01, "at_rest": false}])"));
   EXPECT_EQ(json["robots"][0]["flight_time"], 9.12);
   EXPECT_TRUE(json["robots"][1]["flight_time"].is_null());
   EXPECT_EQ(json["robots"][0]["clearance"]["obstacles"]["other"], 4);

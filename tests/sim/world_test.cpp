@@ -170,7 +170,8 @@ TEST(WorldJson, RefusesBadInputWithOneClearLine) {
        R"(name: "a\nb" must be a text of 1 to 100 characters without control characters)"},
       {"\"name\": \"good\", ", "", "name: is missing and must be given"},
       {"\"name\"", "\"nam\"",
-       "\"nam\" is an unknown key; known are name, space, obstacle_bounds, limits, sensing_radius, static_map, walls, robots, "
+       "\"nam\" is an unknown key; known are name, space, obstacle_bounds, limits, sensing_radius, static_map, walls, "
+       "robots, "
        "obstacles"},
       {"\"name\"", "\"name\": \"first\", \"name\"", "\"name\": a key must not be given twice"},
       {"\"min\": [-8,-8,0]", "\"min\": [-8,-8]", "space.min: [-8,-8] must be an array of 3 numbers"},

@@ -146,7 +146,7 @@ inline void make(Random& random, int elements, obstacles_t* m) {
   }
 }
 inline void make(Random& random, int, planner_status_t* m) {
-  m->state = static_cast<std::int16_t>(integer(random, 0, 4));
+  m->state = static_cast<std::int16_t>(integer(random, 0, 5));
   m->outcome = static_cast<std::int16_t>(integer(random, 0, 2));
   m->plans = m->missed = m->expansions = integer(random, 0, 1 << 30);
   for (float* value :

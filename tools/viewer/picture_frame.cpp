@@ -65,7 +65,8 @@ const char* name_of(const std::array<const char*, size>& names, int value) {
 }
 
 Json planner_json(const planner_status_t& status) {
-  static constexpr std::array kStates = {"planning", "no map", "stale map", "no goal", "nothing committed"};
+  static constexpr std::array kStates = {"planning", "no map",            "stale map",
+                                         "no goal",  "nothing committed", "no way to the goal"};
   static constexpr std::array kOutcomes = {"smooth", "raw", "unsafe"};
   return {{"state", name_of(kStates, status.state)},
           {"outcome", name_of(kOutcomes, status.outcome)},

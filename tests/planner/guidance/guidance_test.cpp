@@ -205,6 +205,23 @@ TEST(GuidanceTest, FromOutsideAnEnclosureThereIsNoWay) {
   EXPECT_EQ(guide.cost_at({3, 4, 0}), kUnreached);
   EXPECT_EQ(guide.cost_at(goal), 0);
   EXPECT_GT(expect_plain_ways(guide, goal), 0);
+  EXPECT_TRUE(guide.guidance.is_unreachable({-3, 0, 0}));
+  EXPECT_FALSE(guide.guidance.is_unreachable({2.1, 0.1, 0.1})) << "in there with it";
+}
+
+TEST(GuidanceTest, SaysWhichGoalsCannotBeReached) {
+  Guide guide({-9, -9, -0.9}, {9, 9, 0.9});
+  const auto is_unreachable = [&](const Vector3d& goal) {
+    guide.update(walled(true), goal);
+    return guide.guidance.is_unreachable({-5.1, 0.1, 0.1});
+  };
+  EXPECT_FALSE(guide.guidance.is_unreachable({-5.1, 0.1, 0.1})) << "there is no goal yet";
+  EXPECT_FALSE(is_unreachable(kGoal));
+  EXPECT_TRUE(is_unreachable({0.1, 0.1, 0.1})) << "inside the wall";
+  EXPECT_FALSE(is_unreachable({0.9, 0.1, 0.1})) << "beside it";
+  EXPECT_TRUE(is_unreachable({5.1, 0.1, 2.1})) << "above the flight space";
+  EXPECT_TRUE(is_unreachable({5.1, 11.1, 0.1})) << "beside the flight space";
+  EXPECT_FALSE(is_unreachable({5.1, 0.1, 0.1}));
 }
 
 // What stands still far away is known from the file before it comes into sight.
