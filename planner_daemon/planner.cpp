@@ -8,6 +8,8 @@ namespace swarm {
 namespace {
 
 constexpr Duration kStaticHeuristicAge = 250ms, kSpaceTimeHeuristicAge = 75ms;
+constexpr double kAtGoal_m = 0.1;
+constexpr double kAhead_m = 1.0;  // of the static way that is followed out of a local minimum
 constexpr Duration kClearStep = 20ms;
 constexpr double kKeepBonus_s = 0.05;  // of the motion already flown where the search got stuck
 constexpr double kGraze = 0.2;         // a violation so small, or so far ahead, is not worth giving up a plan
@@ -163,16 +165,35 @@ void Planner::build_heuristics(const PlanRequest& request) {
   space_time_key_ = cache_key(request);
 }
 
+std::optional<Eigen::Vector3d> Planner::place_ahead(const PlanRequest& request) {
+  const Eigen::Vector3d place = request.own.at(request.start_utime).position;
+  const int cost = static_heuristic_.cost(place);
+  if (request.is_aside || cost == Wavefront::kUnreached || (place - request.goal).norm() < kAtGoal_m) return {};
+  const double way_m = request.sogm->geometry.resolution_m * cost / Wavefront::kStraight;
+  const bool stands = request.own.end_utime() <= request.start_utime && path_.settled && !result_.fly;
+  if (!local_minimum_.leads(request.start_utime, request.goal, way_m, stands)) return {};
+  if (!voxel_ways_key_.serves(request, kStaticHeuristicAge)) {
+    voxel_ways_.build(space_.compose_standing(*request.peers), config_.space.blocked_m(), request.goal,
+                      config_.limits.space_min.z(), config_.limits.space_max.z(), &guidance_, 1);
+    voxel_ways_key_ = cache_key(request);
+  }
+  const auto ahead = voxel_ways_.ahead(place, kAhead_m);
+  if (ahead) return ahead->position;
+  local_minimum_.give_up(request.start_utime);
+  return {};
+}
+
 SearchStatus Planner::search(const PlanRequest& request) {
   guidance_.work();
   if (is_slow(request)) build_heuristics(request);
   if (!request.is_aside) result_.is_unreachable = guidance_.is_unreachable(reachable_.center);
+  const auto ahead = place_ahead(request);
   SearchProblem& problem = search_problem_;
   problem = {request.own.at(request.start_utime),
              request.start_utime,
-             request.goal,
+             ahead.value_or(request.goal),
              &space_,
-             &space_time_heuristic_,
+             ahead ? nullptr : &space_time_heuristic_,
              /*fine=*/searches_finer_};
   SearchStatus status = search_.find(problem, &path_);
   result_.expansions = path_.expansions;

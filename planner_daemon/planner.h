@@ -13,6 +13,7 @@
 #include "planner_daemon/optimize/spline_qp.h"
 #include "planner_daemon/search/escape.h"
 #include "planner_daemon/search/kinodynamic_search.h"
+#include "planner_daemon/search/local_minimum.h"
 #include "planner_daemon/search/static_heuristic.h"
 #include "planner_daemon/space/configuration_space.h"
 #include "planner_daemon/trajectory/motion.h"
@@ -55,7 +56,7 @@ struct PlanResult {
   std::vector<Polytope> corridors;  // one per piece that was smoothed; bound the robot's centre
   SearchStatus search_status = SearchStatus::kPartial;
   int expansions = 0;
-  bool is_unreachable = false;  // the goal, see Guidance
+  bool is_unreachable = false;                  // the goal, see Guidance
   std::array<double, kNumPlanSteps> step_ms{};  // wall time; 0 without a stopwatch
 
   double total_ms() const { return std::accumulate(step_ms.begin(), step_ms.end(), 0.0); }
@@ -108,6 +109,9 @@ class Planner {
 
   void compose(const PlanRequest& request);
   SearchStatus search(const PlanRequest& request);
+  // Where a robot in a local minimum goes next: along the way past all that stands still, as far as it sees. None: it
+  // is in none.
+  std::optional<Eigen::Vector3d> place_ahead(const PlanRequest& request);
   [[nodiscard]] bool grow_corridors(const PlanRequest& request);
   [[nodiscard]] bool optimize(const PlanRequest& request, Trajectory* smooth);
   void shrink_corridors();
@@ -131,6 +135,9 @@ class Planner {
   ReachableSet reachable_;  // of the robot: all that the plan can touch
   Guidance guidance_;
   StaticHeuristic static_heuristic_;
+  LocalMinimum local_minimum_;
+  StaticHeuristic voxel_ways_;  // to the goal, by single voxels: while the robot is in a local minimum
+  CacheKey voxel_ways_key_;
   SpaceTimeHeuristic space_time_heuristic_;
   CacheKey static_key_, space_time_key_;
   KinodynamicSearch search_;

@@ -48,8 +48,10 @@ void declare(OptionSet& set, CampaignOptions& options) {
 std::vector<Trial> all_trials(const CampaignOptions& options) {
   std::vector<Trial> trials;
   if (!options.worlds.empty()) {
-    if (!options.worlds.ends_with(".jsonl") && !options.worlds.ends_with(".jsonl.gz"))
-      throw OptionError("worlds: '" + options.worlds + "' must end in .jsonl or .jsonl.gz");
+    std::error_code ignored;
+    if (!options.worlds.ends_with(".jsonl") && !options.worlds.ends_with(".jsonl.gz") &&
+        !std::filesystem::is_directory(options.worlds, ignored))
+      throw OptionError("worlds: '" + options.worlds + "' must end in .jsonl or .jsonl.gz, or be a directory");
     for (const ListedWorld& listed : read_listed_worlds(options.worlds))
       trials.push_back(listed_trial(listed.text, listed.place));
     return trials;

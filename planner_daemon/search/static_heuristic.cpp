@@ -21,10 +21,11 @@ CellSpan cells_between(double bottom_m, double cell_m, int num_cells, double low
 }
 
 void StaticHeuristic::build(const Occupancy& standing, double blocked_m, const Eigen::Vector3d& goal,
-                            double space_min_z, double space_max_z, const Guidance* guidance) {
+                            double space_min_z, double space_max_z, const Guidance* guidance, int cell_voxels) {
   const GridGeometry& grid = standing.sogm->geometry;
   grid_ = grid;
-  size_ = cells_in(grid);
+  cell_voxels_ = cell_voxels;
+  size_ = cell_voxels == kCellVoxels ? cells_in(grid) : (grid.size.array() / cell_voxels).matrix();
   empty_ = true;
   is_cut_off_ = false;
   if ((size_.array() <= 0).any()) return;
@@ -43,7 +44,7 @@ void StaticHeuristic::build(const Occupancy& standing, double blocked_m, const E
   inside_.assign(words, 0);
   const auto voxel = [&](double z) { return z / grid.resolution_m - 0.5 - grid.origin.z(); };
   set_run(voxel(space_min_z) - 0.5, voxel(space_max_z) + 0.5, grid.size.z(), inside_.data());
-  front_.lay_out(grid.size, kCellVoxels);
+  front_.lay_out(grid.size, cell_voxels);
   for (int x = 0; x < grid.size.x(); ++x) {
     for (int y = 0; y < grid.size.y(); ++y) {
       const std::uint64_t* blocked = blocked_.data() + static_cast<std::size_t>(x * grid.size.y() + y) * words;
@@ -71,33 +72,44 @@ bool StaticHeuristic::sees(const Eigen::Vector3d& from, const Eigen::Vector3d& t
   return true;
 }
 
-// Down the costs from cell to cell: each but the cheapest has a cheaper neighbour. The level ones come first.
+int StaticHeuristic::cost(const Eigen::Vector3d& place) const {
+  const Eigen::Vector3i cell = in_cells(place).array().floor().matrix().cast<int>();
+  return !empty_ && has_cell(cell) ? front_.cost(cell) : Wavefront::kUnreached;
+}
+
 std::optional<StaticHeuristic::Waypoint> StaticHeuristic::waypoint(const Eigen::Vector3d& place) const {
   if (empty_ || is_cut_off_) return {};
-  const double cell_m = kCellVoxels * grid_.resolution_m;
-  const Eigen::Vector3d corner = grid_.origin.cast<double>() * grid_.resolution_m;
-  const Eigen::Vector3d from = (place - corner) / cell_m;
-  Eigen::Vector3i cell = from.array().floor().matrix().cast<int>();
-  if ((cell.array() < 0).any() || (cell.array() >= size_.array()).any()) return {};
   const int straight = Wavefront::straight_cost(goal_ - grid_.origin - grid_.voxel_of(place));
-  if (front_.cost(cell) - straight < Wavefront::kStraight * kDetour_m / grid_.resolution_m) return {};
+  if (cost(place) - straight < Wavefront::kStraight * kDetour_m / grid_.resolution_m) return {};
+  return descend(place, 0);
+}
+
+std::optional<StaticHeuristic::Waypoint> StaticHeuristic::ahead(const Eigen::Vector3d& place, double reach_m) const {
+  if (cost(place) == Wavefront::kUnreached) return {};
+  return descend(place, cost(place) - static_cast<int>(Wavefront::kStraight * reach_m / grid_.resolution_m));
+}
+
+// From cell to cell: each but the cheapest has a cheaper neighbour. The level ones come first.
+std::optional<StaticHeuristic::Waypoint> StaticHeuristic::descend(const Eigen::Vector3d& place, int least) const {
+  const Eigen::Vector3d from = in_cells(place);
+  Eigen::Vector3i cell = from.array().floor().matrix().cast<int>();
+  if (!has_cell(cell)) return {};
   std::optional<Waypoint> farthest;
-  for (int cost = front_.cost(cell);;) {
+  for (int cost = front_.cost(cell); cost > least;) {
     Eigen::Vector3i best = cell;
     for (const int dz : {0, -1, 1}) {
       for (int dx = -1; dx <= 1; ++dx) {
         for (int dy = -1; dy <= 1; ++dy) {
           const Eigen::Vector3i next = cell + Eigen::Vector3i(dx, dy, dz);
-          if ((next.array() < 0).any() || (next.array() >= size_.array()).any()) continue;
-          if (front_.cost(next) < cost) cost = front_.cost(next), best = next;
+          if (has_cell(next) && front_.cost(next) < cost) cost = front_.cost(next), best = next;
         }
       }
     }
     if (best == cell) break;
     cell = best;
     const Eigen::Vector3d middle = cell.cast<double>().array() + 0.5;
-    if (!sees(from, middle)) break;
-    farthest = Waypoint{corner + middle * cell_m, cost};
+    if (farthest && !sees(from, middle)) break;  // the first one is near in any case
+    farthest = Waypoint{grid_.origin.cast<double>() * grid_.resolution_m + middle * cell_m(), cost};
   }
   return farthest;
 }

@@ -35,9 +35,10 @@ class StaticHeuristic {
  public:
   // Least ways to `goal` from every voxel that is farther than `blocked_m` from what is occupied in frame 0 of
   // `standing` and within [space_min_z, space_max_z] (sideways the flight space is open in practice). From the window's
-  // edge the way goes on as `guidance` knows it; null: straight. Empty when nothing stands in the way.
+  // edge the way goes on as `guidance` knows it; null: straight. Empty when nothing stands in the way. Ways are kept
+  // for cells of `cell_voxels` along each edge.
   void build(const Occupancy& standing, double blocked_m, const Eigen::Vector3d& goal, double space_min_z,
-             double space_max_z, const Guidance* guidance);
+             double space_max_z, const Guidance* guidance, int cell_voxels = kCellVoxels);
 
   // It knows nothing that a straight way does not.
   bool empty() const { return empty_; }
@@ -51,6 +52,11 @@ class StaticHeuristic {
     int cost;                  // of Wavefront
   };
   std::optional<Waypoint> waypoint(const Eigen::Vector3d& place) const;
+  // The last place on the way that is seen from `place`, at most `reach_m` of way ahead; none: there is no way, or it
+  // is not known.
+  std::optional<Waypoint> ahead(const Eigen::Vector3d& place, double reach_m) const;
+  // Of the way from `place` [Wavefront::Cost].
+  int cost(const Eigen::Vector3d& place) const;
 
   // Word `w` of the column of the lattice at (x, y), from the voxel `z` of the lattice on: what stands still is too
   // close to these voxels. 0 beyond the window and where the goal cannot be reached.
@@ -66,18 +72,29 @@ class StaticHeuristic {
   // voxel of each cell; `far` where there is none. Of cells (x, y, z) with y in `first_y` and the following num_y - 1,
   // z in [0, num_z): to `out`, columns `stride` apart, with `far` in between. Cells of a window like that of build()
   // that begins at `origin` of the lattice: a little later it has moved with the robot. Moved by a part of a cell, the
-  // least of the cells that overlap.
+  // least of the cells that overlap. Cells of kCellVoxels only.
   void ticks(const Eigen::Vector3i& origin, int x, int first_y, int num_y, int num_z, std::size_t stride, int per_cell,
              std::int16_t far, std::int16_t* out) const;
 
   static int ticks_of(int cost, int per_cell) { return cost * per_cell / (kCellVoxels * Wavefront::kStraight); }
 
  private:
+  double cell_m() const { return cell_voxels_ * grid_.resolution_m; }
+  // Place in cells of the window.
+  Eigen::Vector3d in_cells(const Eigen::Vector3d& place) const {
+    return (place - grid_.origin.cast<double>() * grid_.resolution_m) / cell_m();
+  }
+  bool has_cell(const Eigen::Vector3i& cell) const {
+    return (cell.array() >= 0).all() && (cell.array() < size_.array()).all();
+  }
   bool sees(const Eigen::Vector3d& from, const Eigen::Vector3d& to) const;  // in cells of the window
+  // Down the costs from `place` to the last place that is seen from there, above the cost `least`.
+  std::optional<Waypoint> descend(const Eigen::Vector3d& place, int least) const;
 
   bool empty_ = true, is_cut_off_ = false;
   GridGeometry grid_;                               // the window
   Eigen::Vector3i goal_ = Eigen::Vector3i::Zero();  // voxel of the lattice
+  int cell_voxels_ = kCellVoxels;
   Eigen::Vector3i size_ = Eigen::Vector3i::Zero();  // cells
   Dilator dilator_;
   std::vector<Layer> layers_;

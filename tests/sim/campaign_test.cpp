@@ -131,6 +131,18 @@ TEST_F(Campaign, ShardsCoverAllTrialsOnceAndMerge) {
   EXPECT_FALSE(fs::exists(directory_ / "no.csv"));
 }
 
+TEST_F(Campaign, FliesTheWorldFilesOfADirectory) {
+  const fs::path worlds = directory_ / "worlds";
+  fs::create_directory(worlds);
+  for (const int seed : {1, 2}) write_text(worlds / (std::to_string(seed) + ".json"), one_line(small_world(seed)));
+  const Finished flown = run_program({"swarm_sim", "campaign", "--worlds", worlds, "--out", out_}, 60);
+  EXPECT_EQ(flown.exit_code, 0) << flown.err;
+  EXPECT_EQ(trials(out_), (std::set<std::string>{worlds / "1.json", worlds / "2.json"}));
+  const Finished refused = run_program({"swarm_sim", "campaign", "--worlds", worlds / "1.json", "--out", out_}, 60);
+  EXPECT_EQ(refused.exit_code, 2);
+  EXPECT_NE(refused.err.find("must end in .jsonl or .jsonl.gz, or be a directory"), std::string::npos) << refused.err;
+}
+
 TEST_F(Campaign, GoesOnWhereItWasAfterATornLine) {
   ASSERT_EQ(run({"--out", out_, "--jobs", "1"}).exit_code, 0);
   const std::string whole = read_text(out_);

@@ -243,6 +243,23 @@ TEST(Lockstep, FliesAroundTheStaticMap) {
   }
 }
 
+// From rest before a board: too many weak accelerations for the search's budget lead past its edge.
+TEST(Lockstep, FliesAroundABoardFromRest) {
+  for (const double limit : {1.0, 2.0}) {
+    TemporaryDirectory directory;
+    World world = circle(2, 2.0, 0, 1);
+    world.robots.resize(1);
+    world.speed_mps = world.acceleration_mps2 = limit;
+    world.robots[0].start = {-0.45, 0, 1};
+    world.robots[0].goal = {1.0, 0, 1};
+    world.walls.push_back({{-0.1, -0.3, 0}, {0.1, 0.3, 4}});
+    FlightOptions options;
+    options.time_limit_s = 10.0;
+    const Flight flight(with_walls_in_file(world, directory.path()), options);
+    EXPECT_EQ(flight.report.outcome, Outcome::kSuccess) << summary_table(flight.report);
+  }
+}
+
 // Robot 1's goal lies inside a closed room.
 TEST(Lockstep, SaysThatAGoalCannotBeReached) {
   TemporaryDirectory directory;

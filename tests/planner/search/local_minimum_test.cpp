@@ -1,0 +1,74 @@
+#include "planner_daemon/search/local_minimum.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "tests/support/print_time.h"
+
+namespace swarm {
+namespace {
+
+const Eigen::Vector3d kGoal(5, 0, 1);
+constexpr Utime kStart{100s};
+
+// Every 50 ms a plan: when it begins to lead, and what the way is then.
+struct Robot {
+  // With the way of each moment; until it leads, or gives up after `most`.
+  template <class Way>
+  bool is_led_within(Duration most, bool stands, const Way& way_m) {
+    for (const Utime end = now + most; now < end; now += 50ms) {
+      if (local_minimum.leads(now, kGoal, way_m(to_seconds(now - kStart)), stands)) return true;
+    }
+    return false;
+  }
+  LocalMinimum local_minimum;
+  Utime now = kStart;
+};
+
+TEST(LocalMinimum, WhoeverStandsStuckIsLed) {
+  Robot robot;
+  EXPECT_TRUE(robot.is_led_within(1s, true, [](double) { return 4.0; }));
+  EXPECT_EQ(robot.now, kStart + 300ms);
+  EXPECT_TRUE(robot.local_minimum.leads(robot.now, kGoal, 3.1, false)) << "not far enough yet";
+  EXPECT_FALSE(robot.local_minimum.leads(robot.now, kGoal, 3.0, false)) << "a metre on its way";
+}
+
+TEST(LocalMinimum, WhoeverComesNoNearerIsLed) {
+  Robot to_and_fro, slow, on_its_way;
+  EXPECT_TRUE(to_and_fro.is_led_within(4s, false, [](double t) { return 4.0 + 0.25 * std::sin(3 * t); }));
+  EXPECT_GE(to_and_fro.now, kStart + 2500ms);
+  EXPECT_FALSE(slow.is_led_within(20s, false, [](double t) { return 40.0 - 0.15 * t; }));
+  EXPECT_FALSE(on_its_way.is_led_within(10s, false, [](double t) { return 40.0 - 2 * t; }));
+}
+
+// Something has closed the way: it is another one now.
+TEST(LocalMinimum, ALongerWayIsAnotherWay) {
+  Robot robot;
+  EXPECT_FALSE(robot.is_led_within(2400ms, false, [](double) { return 4.0; }));
+  EXPECT_FALSE(robot.is_led_within(2400ms, false, [](double) { return 6.0; }));
+  EXPECT_TRUE(robot.is_led_within(200ms, false, [](double) { return 6.0; }));
+}
+
+TEST(LocalMinimum, IsLedTwiceAsFarWhereItComesBack) {
+  Robot robot;
+  for (const double far_m : {1.0, 2.0, 4.0, 8.0, 8.0}) {
+    ASSERT_TRUE(robot.is_led_within(1s, true, [](double) { return 20.0; }));
+    EXPECT_TRUE(robot.local_minimum.leads(robot.now, kGoal, 20.0 - far_m + 0.01, false)) << far_m;
+    EXPECT_FALSE(robot.local_minimum.leads(robot.now, kGoal, 20.0 - far_m, false)) << far_m;
+  }
+  ASSERT_TRUE(robot.is_led_within(1s, true, [](double) { return 9.0; }));
+  EXPECT_FALSE(robot.local_minimum.leads(robot.now, kGoal, 8.0, false)) << "it had come past the other one";
+}
+
+TEST(LocalMinimum, AnotherGoalIsAnotherWay) {
+  Robot robot;
+  ASSERT_TRUE(robot.is_led_within(1s, true, [](double) { return 4.0; }));
+  EXPECT_FALSE(robot.local_minimum.leads(robot.now, {0, 5, 1}, 4.0, true));
+  EXPECT_TRUE(robot.is_led_within(1s, true, [](double) { return 4.0; }));
+  robot.local_minimum.give_up(robot.now);
+  EXPECT_FALSE(robot.local_minimum.leads(robot.now + 50ms, kGoal, 4.0, true)) << "tried again later";
+}
+
+}  // namespace
+}  // namespace swarm
