@@ -64,8 +64,11 @@ Planner::Planner(const PlannerConfig& config, Stopwatch stopwatch)
       escape_search_(config_.limits, escape_options(config_.limits, config.search)),
       escape_piece_(escape_options(config_.limits, config.search).piece),
       corridor_builder_(config.corridor) {
-  for (int pieces = 1; pieces <= config.search.num_pieces; ++pieces) {
-    optimizers_.emplace_back(5, std::vector<double>(static_cast<std::size_t>(pieces), to_seconds(config.search.piece)));
+  std::vector<double> durations_s, jerk_weights;
+  for (int piece = 0; piece < config.search.num_pieces; ++piece) {
+    durations_s.push_back(to_seconds(config.search.piece));
+    jerk_weights.push_back(jerk_weight(piece));
+    optimizers_.emplace_back(5, durations_s, jerk_weights);
   }
   candidates_.reserve(4);
 }
@@ -233,11 +236,12 @@ bool Planner::optimize(const PlanRequest& request, Trajectory* smooth) {
   spline_problem_.start = {start.position, start.velocity, start.acceleration};
   spline_problem_.end = {end.position, end.velocity, end.acceleration};
   // The start lies inside a piece of the own motion, so its control points may pass the limits although the motion does
-  // not; they are no unknowns. is_within_limits() looks at the motion itself afterwards.
+  // not. is_within_limits() looks at the motion itself afterwards.
   const Eigen::Vector3d drift = start.velocity + h / 4 * start.acceleration;
-  spline_problem_.v_max_mps =
-      std::max({config_.limits.v_max_mps, start.velocity.cwiseAbs().maxCoeff(), drift.cwiseAbs().maxCoeff()});
-  spline_problem_.a_max_mps2 = std::max(config_.limits.a_max_mps2, start.acceleration.cwiseAbs().maxCoeff());
+  spline_problem_.v_max_mps = config_.limits.v_max_mps;
+  spline_problem_.a_max_mps2 = config_.limits.a_max_mps2;
+  spline_problem_.end_v_max_mps = std::max(start.velocity.cwiseAbs().maxCoeff(), drift.cwiseAbs().maxCoeff());
+  spline_problem_.end_a_max_mps2 = start.acceleration.cwiseAbs().maxCoeff();
   // Away from the corridors' faces where that is possible.
   SplineQp& optimizer = optimizers_[static_cast<std::size_t>(n) - 1];
   shrink_corridors();

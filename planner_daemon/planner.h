@@ -1,7 +1,9 @@
 // The planner: the paper's pipeline, one call per plan. Value types in, a result out; no clock, no messages.
 #pragma once
 
+#include <algorithm>
 #include <array>
+#include <cmath>
 #include <limits>
 #include <numeric>
 #include <vector>
@@ -80,6 +82,9 @@ struct Candidate {
 class Planner {
  public:
   static constexpr double kUsableSpeed = 0.995;  // of v_max
+  // Jerk counts little in the near pieces: only the beginning of a plan is flown before the next one, and with equal
+  // weights every plan would put off what can be put off.
+  static double jerk_weight(int piece) { return std::min(1.0, 0.1 * std::pow(3.0, piece)); }
 
   // Throws std::invalid_argument with name, value and rule, and what GlobalMap throws.
   explicit Planner(const PlannerConfig& config, Stopwatch stopwatch = nullptr);

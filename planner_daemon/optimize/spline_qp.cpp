@@ -1,8 +1,8 @@
 // Each axis is described by its acceleration control points alone: with position and velocity of the start they
 // integrate to the whole C2 curve, so that all continuity holds by construction and only two equalities per axis
-// (velocity and position of the end) remain to be eliminated. The remaining freedom is scaled to make the jerk integral
-// |y|^2 + constant, and the bounds are met by the dual active set method of Goldfarb and Idnani (Math. Programming 27,
-// 1983), here with an orthogonal factorisation of the active normals in range space.
+// (velocity and position of the end) remain to be eliminated. The remaining freedom is scaled to make the weighted jerk
+// integral |y|^2 + constant, and the bounds are met by the dual active set method of Goldfarb and Idnani (Math.
+// Programming 27, 1983), here with an orthogonal factorisation of the active normals in range space.
 // Long because elimination, bounds and active set all work on that one representation.
 // No product of two matrices here goes to Eigen's blocked kernels, whose order of sums depends on the processor.
 #include "planner_daemon/optimize/spline_qp.h"
@@ -85,7 +85,7 @@ struct SplineQp::Impl {
     double bound;
   };
 
-  Impl(int curve_degree, const std::vector<double>& durations);
+  Impl(int curve_degree, const std::vector<double>& durations, const std::vector<double>& jerk_weights);
 
   template <typename Matrix>
   void integrate(Matrix* outputs) const;
@@ -109,7 +109,7 @@ struct SplineQp::Impl {
 
   const std::vector<double> durations_s;
   double horizon_s = 0.0;
-  double jerk_cap = 0.0;    // times a_max_mps2^2: no feasible curve has a greater jerk integral
+  double jerk_cap = 0.0;    // times a_max_mps2^2: no feasible curve costs more
   Eigen::MatrixXd root;     // jerk_root
   Eigen::MatrixXd optimum;  // num_acc x 4: unconstrained optimum per (start acc, end acc, velocity gain, position gain)
   Eigen::MatrixXd response_acc;  // num_acc x freedom: accelerations per y
@@ -119,6 +119,7 @@ struct SplineQp::Impl {
 
   // Of the problem being solved; y and the normals hold axis after axis.
   double acc_limit = 0.0, vel_limit = 0.0;
+  double end_acc_room = 0.0, end_vel_room = 0.0;  // beyond them, for what the end states alone decide
   std::vector<Face> faces;  // with relaxed offsets relative to the start, piece after piece
   std::vector<std::size_t> first_face;
   MatrixX3 unconstrained_acc;
@@ -128,7 +129,7 @@ struct SplineQp::Impl {
   ActiveSet active;
 };
 
-SplineQp::Impl::Impl(int curve_degree, const std::vector<double>& durations)
+SplineQp::Impl::Impl(int curve_degree, const std::vector<double>& durations, const std::vector<double>& jerk_weights)
     : degree(curve_degree),
       pieces(static_cast<int>(durations.size())),
       num_acc(pieces * (degree - 2) + 1),
@@ -145,12 +146,12 @@ SplineQp::Impl::Impl(int curve_degree, const std::vector<double>& durations)
       normal(3 * freedom),
       active(3 * freedom) {
   const int interior = num_acc - 2;
-  Eigen::MatrixXd jerk = Eigen::MatrixXd::Zero(pieces * (degree - 2), num_acc);  // jerk integral = |jerk * acc|^2
+  Eigen::MatrixXd jerk = Eigen::MatrixXd::Zero(pieces * (degree - 2), num_acc);  // cost = |jerk * acc|^2
   for (int k = 0; k < pieces; ++k) {
-    const double h = duration_s(k);
-    jerk.block(k * (degree - 2), k * (degree - 2), degree - 2, degree - 1) = root / std::sqrt(h);
+    const double h = duration_s(k), weight = jerk_weights.empty() ? 1.0 : jerk_weights[static_cast<std::size_t>(k)];
+    jerk.block(k * (degree - 2), k * (degree - 2), degree - 2, degree - 1) = root * std::sqrt(weight / h);
     horizon_s += h;
-    jerk_cap += 3.0 * square(2.0 * (degree - 2)) / h;
+    jerk_cap += weight * 3.0 * square(2.0 * (degree - 2)) / h;
   }
 
   // The end's velocity and position as functions of the accelerations, and the null space of their interior part.
@@ -236,6 +237,8 @@ bool SplineQp::Impl::load(const SplineProblem& problem) {
   bool valid = true;
   acc_limit = problem.a_max_mps2 + kSlack;
   vel_limit = problem.v_max_mps + kSlack;
+  end_acc_room = std::max(0.0, problem.end_a_max_mps2 - problem.a_max_mps2);
+  end_vel_room = std::max(0.0, problem.end_v_max_mps - problem.v_max_mps);
   const Eigen::Vector3d& origin = problem.start.position;
   faces.clear();
   for (std::size_t k = 0; k < problem.corridors.size(); ++k) {
@@ -282,6 +285,8 @@ void SplineQp::Impl::evaluate() {
   excess.head(num_acc + num_vel) = largest.col(0).max(largest.col(1)).max(largest.col(2));
   excess.head(num_acc) -= acc_limit;
   excess.segment(num_acc, num_vel) -= vel_limit;
+  for (const int i : {0, num_acc - 1}) excess(i) -= end_acc_room;
+  for (const int i : {num_acc, num_acc + 1, num_acc + num_vel - 2, num_acc + num_vel - 1}) excess(i) -= end_vel_room;
   excess.tail(num_pos).setConstant(-1e30);
   for (int k = 0; k < pieces; ++k) {
     for (int j = 0; j <= degree; j += 4) {
@@ -400,7 +405,7 @@ void SplineQp::Impl::report(const SplineProblem& problem, SplineSolution* soluti
   solution->max_violation = std::max(0.0, excess.maxCoeff() + kSlack);
 }
 
-SplineQp::SplineQp(int degree, const std::vector<double>& durations_s) {
+SplineQp::SplineQp(int degree, const std::vector<double>& durations_s, const std::vector<double>& jerk_weights) {
   const int pieces = static_cast<int>(durations_s.size());
   if (degree < 3 || degree > kMaxDegree) reject("degree", std::to_string(degree), "in [3, 9]");
   if (pieces < 1 || pieces > kMaxPieces) reject("pieces", std::to_string(pieces), "in [1, 64]");
@@ -412,7 +417,15 @@ SplineQp::SplineQp(int degree, const std::vector<double>& durations_s) {
     reject("pieces", std::to_string(pieces),
            "enough for the end states, pieces * (degree - 2) >= 3, at degree " + std::to_string(degree));
   }
-  impl_ = std::make_unique<Impl>(degree, durations_s);
+  if (!jerk_weights.empty() && std::ssize(jerk_weights) != pieces) {
+    reject("jerk_weights.size()", std::to_string(jerk_weights.size()),
+           "the number of pieces, " + std::to_string(pieces));
+  }
+  for (std::size_t i = 0; i < jerk_weights.size(); ++i) {
+    if (jerk_weights[i] > 0.0 && jerk_weights[i] <= 1.0) continue;
+    reject("jerk_weights[" + std::to_string(i) + "]", std::to_string(jerk_weights[i]), "in (0, 1]");
+  }
+  impl_ = std::make_unique<Impl>(degree, durations_s, jerk_weights);
 }
 
 SplineQp::~SplineQp() = default;

@@ -22,6 +22,8 @@ struct SplineProblem {
   double v_max_mps = 2.0;           // per axis [m/s], > 0
   double a_max_mps2 = 6.0;          // per axis [m/s^2], > 0
   std::vector<Polytope> corridors;  // one per piece; no faces: the piece is free
+  // Where they are greater, the limits of the control points that the end states alone decide.
+  double end_v_max_mps = 0.0, end_a_max_mps2 = 0.0;
 };
 
 enum class SplineStatus { kSolved, kInfeasible, kIterationLimit };
@@ -31,7 +33,7 @@ struct SplineSolution {
   static constexpr int kMaxPoints = 640;
   // 3 x (pieces * (degree + 1)), piece after piece; memory of its own.
   Eigen::Matrix<double, 3, Eigen::Dynamic, Eigen::ColMajor, 3, kMaxPoints> control_points;
-  double jerk_integral = 0.0;  // integral of |jerk|^2 dt [m^2/s^5]
+  double jerk_integral = 0.0;  // integral of |jerk|^2 dt [m^2/s^5], without weights
   double max_violation = 0.0;  // over all bounds and faces, in their units
   int iterations = 0;
 };
@@ -40,8 +42,9 @@ struct SplineSolution {
 class SplineQp {
  public:
   // degree in [3, 9], 1..64 pieces, durations > 0 [s], pieces * (degree - 2) >= 3 (else the end states over-determine
-  // the curve). Throws std::invalid_argument with name, value and rule.
-  SplineQp(int degree, const std::vector<double>& durations_s);
+  // the curve). jerk_weights: how much the jerk of each piece counts, in (0, 1]; empty: 1. Throws std::invalid_argument
+  // with name, value and rule.
+  explicit SplineQp(int degree, const std::vector<double>& durations_s, const std::vector<double>& jerk_weights = {});
   ~SplineQp();
   SplineQp(SplineQp&&) noexcept;
 

@@ -48,7 +48,7 @@ class GoalHeuristic {
   // The slowest axis decides, the others break ties.
   double straight(double x_s, double y_s, double z_s) const {
     const double longest = std::max({x_s, y_s, z_s});
-    return rest_s_ + longest + 0.05 * (x_s + y_s + z_s - longest);
+    return rest_s_ + longest + 0.1 * (x_s + y_s + z_s - longest);
   }
 
   Eigen::Vector3d target_ = Eigen::Vector3d::Zero();

@@ -254,7 +254,7 @@ TEST(PlannerTest, KeepsOutOfWhatWasRecentlyOccupied) {
     config.space.recently_occupied_s = recently_occupied_s;
     Planner planner(config);
     Sogm sogm = map_at(kStart);
-    const Vector3d from(0, -0.3, 0), velocity(0, 0.9, 0);
+    const Vector3d from(0, -0.2, 0), velocity(0, 0.7, 0);
     mark_moving(&sogm, from, velocity, 0.3, true);
     const PlanRequest request = make_request(sogm, hovering({-1.2, 0.03, 0.02}), {4, 0.03, 0.02});
     const PlanResult& result = planner.plan(request);
@@ -425,7 +425,9 @@ TEST(PlannerTest, StaticHeuristicServesPlansForAWhile) {
 
 // In a closed cage the search is stuck: it takes finer steps in every other plan, and usual ones again in the open.
 TEST(PlannerTest, AStuckSearchTakesFinerStepsInTurns) {
-  Planner planner(flat_config());
+  PlannerConfig config = flat_config();
+  config.search.max_expansions = 80;
+  Planner planner(config);
   Utime utime = kStart;
   const auto takes_finer_steps = [&](bool caged) {
     Sogm sogm = map_at(utime += 50ms);
@@ -435,7 +437,7 @@ TEST(PlannerTest, AStuckSearchTakesFinerStepsInTurns) {
     }
     const PlanResult& result = planner.plan(make_request(sogm, hovering({0.03, 0.03, 0.02}), {4.5, 0.1, 0.1}));
     EXPECT_EQ(result.search_status, SearchStatus::kSurvives);
-    EXPECT_LE(result.expansions, SearchOptions().max_expansions);
+    EXPECT_LE(result.expansions, config.search.max_expansions);
     return planner.search_problem().fine;
   };
   EXPECT_FALSE(takes_finer_steps(true));
@@ -467,10 +469,12 @@ TEST(PlannerTest, SpaceTimeHeuristicServesTheNextMap) {
   EXPECT_EQ(delay_s(kStart + 130ms, false, {4.5, 0.2, 0.1}), 0.0);
 }
 
-double jerk_integral(const Trajectory& trajectory) {
+// Weighted as the planner does.
+double jerk_cost(const Trajectory& trajectory) {
   double sum = 0.0;
-  for (Utime t = trajectory.start_utime() + 500us; t < trajectory.end_utime(); t += 1ms) {
-    sum += 0.001 * trajectory.at(t).jerk.squaredNorm();
+  for (Duration t = 500us; t < trajectory.end_utime() - trajectory.start_utime(); t += 1ms) {
+    const double weight = Planner::jerk_weight(static_cast<int>(to_seconds(t) / trajectory.piece_s()));
+    sum += 0.001 * weight * trajectory.at(trajectory.start_utime() + t).jerk.squaredNorm();
   }
   return sum;
 }
@@ -528,7 +532,7 @@ TEST(PlannerTest, SmoothingLowersTheJerkOfTheSearchedPathInsideItsCorridors) {
     ASSERT_EQ(path.num_pieces, result.trajectory.num_pieces());
     Trajectory raw(0, request.start_utime, config.search.piece, path.num_pieces);
     for (int k = 0; k <= path.num_pieces; ++k) raw.set_knot(k, path.knots[static_cast<std::size_t>(k)]);
-    const double before = jerk_integral(raw), after = jerk_integral(result.trajectory);
+    const double before = jerk_cost(raw), after = jerk_cost(result.trajectory);
     ASSERT_LE(after, before * 1.001 + 1e-6);
     much_better += after < 0.8 * before;
     ASSERT_EQ(result.corridors.size(), static_cast<std::size_t>(path.num_pieces));

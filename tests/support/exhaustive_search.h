@@ -54,7 +54,7 @@ class ExhaustiveSearch {
       longest = std::max(longest, t);
       sum += t;
     }
-    return longest + 0.05 * (sum - longest);
+    return longest + 0.1 * (sum - longest);
   }
 
   // The first sample that leaves the space, or lies outside and farther than the one before; kSamples + 1: none.

@@ -236,7 +236,7 @@ TEST(KinodynamicSearchTest, FindsTheBestOfAllChains) {
     SearchOptions options;
     options.num_pieces = 3 + (flat ? 3 : 2);
     options.max_expansions = trial % 12 == 0 ? 50'000 : 5'000;
-    options.heuristic_weight = trial % 3 == 0 ? 0.0 : uniform(rng, 0.0, 1.0 / 1.1);
+    options.heuristic_weight = trial % 3 == 0 ? 0.0 : uniform(rng, 0.0, 1.0 / 1.2);
     options.cell_m = options.cell_mps = 1e-7;
     const double tau = to_seconds(options.piece);
     const Scene scene(random_map(rng, uniform_int(rng, 2, 16), {3, 3, 2}, 6, kStart, 200ms));
@@ -442,6 +442,7 @@ TEST(KinodynamicSearchTest, WithNoWayOutTheMotionIsFreeAsLongAsAnyCanBe) {
 TEST(KinodynamicSearchTest, KeepsOutOfTheInflationWhereThatCostsLittle) {
   const SearchLimits limits;
   SearchOptions options;
+  options.inflation_weight = 0.8;
   Sogm occupied = empty_map({6, 6, 3}, 0.1, 10, kStart, 200ms);
   mark_moving(&occupied, {0, -0.3, 0}, Vector3d::Zero(), 0.08, true);  // beside the straight way
   const Scene scene(occupied);
