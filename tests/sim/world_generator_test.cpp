@@ -10,6 +10,7 @@
 #include <numbers>
 #include <random>
 
+#include "lcmtypes/bus/text.h"
 #include "swarm_sim/world/occupied_cubes.h"
 #include "swarm_sim/world/walls.h"
 #include "swarm_sim/world/world_json.h"
@@ -225,6 +226,36 @@ TEST_F(WorldCommand, WritesTheWorldAndNothingElse) {
   EXPECT_EQ(out_, read_text(directory_ / "w.json"));
   EXPECT_EQ(run({"--task", "circle", "--env", "empty", "--robots", "6", "--radius", "5", "-o", "-"}), 0) << err_;
   EXPECT_EQ(parse_world(out_, "-", "").robots.size(), 6u);
+}
+
+TEST_F(WorldCommand, DescribesSeededWorldsAndFiles) {
+  EXPECT_EQ(run({"--task", "cross", "--env", "empty", "--describe"}), 0) << err_;
+  EXPECT_NE(out_.find("16 x 16 x 4 m"), std::string::npos) << out_;
+  EXPECT_NE(out_.find("0.00 % of the space"), std::string::npos) << out_;
+  World world = make_world(Task::kCross, Environment::kEmpty, 0, 7);  // of 1024 m^3
+  WorldObstacle obstacle;
+  for (const auto& [kind, size] : {std::pair(Shape::Kind::kBox, Eigen::Vector3d(1, 2, 99)),
+                                   std::pair(Shape::Kind::kColumn, Eigen::Vector3d(2, 2, 0)),
+                                   std::pair(Shape::Kind::kSphere, Eigen::Vector3d(3, 0, 0)),
+                                   std::pair(Shape::Kind::kRing, Eigen::Vector3d(1.5, 0.4, 0))}) {
+    obstacle.shape.kind = kind;
+    obstacle.shape.size = size;
+    world.obstacles.push_back(obstacle);
+  }
+  world.obstacles[1].velocity_mps = {3, 4};
+  world.walls.push_back({{-9, -8, 0}, {-7, 8, 4}});
+  const std::string file = (directory_ / "w.json").string();
+  write_text(file, to_json_text(world, directory_.path()));
+  EXPECT_EQ(run({"--describe", "--world", file}), 0) << err_;
+  const double filled_m3 =
+      8 + std::numbers::pi * 2 + std::numbers::pi / 6 * 27 + 2 * std::numbers::pi * std::numbers::pi * 1.5 * 0.2 * 0.2;
+  for (const std::string& part :
+       {swarm::fixed(100 * filled_m3 / 1024, 2) + " % of the space",
+        std::string("1 columns, 1 rings, 1 boxes, 1 spheres, up to 5.00 m/s"), std::string("1, 6.25 %")}) {
+    EXPECT_NE(out_.find(part), std::string::npos) << part << " in\n" << out_;
+  }
+  EXPECT_EQ(run({"--world", file, "-o", "-"}), 2);
+  EXPECT_NE(err_.find("can be described only"), std::string::npos) << err_;
 }
 
 TEST_F(WorldCommand, RefusesBadOptionsWithOneLineAndCode2) {
