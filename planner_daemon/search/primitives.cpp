@@ -5,6 +5,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "lcmtypes/bus/text.h"
 #include "map_daemon/wide.h"
 
 namespace swarm {
@@ -40,9 +41,14 @@ Primitives::Primitives(const SearchLimits& limits, const SearchOptions& options)
       brake_pieces_(brake_pieces(limits, options.piece)),
       max_depth_(options.num_pieces - brake_pieces_) {
   if (options.num_pieces > Trajectory::kMaxPieces || max_depth_ < 1) {
-    throw std::invalid_argument("horizon: " + std::to_string(options.num_pieces) + " pieces; must be at least " +
-                                std::to_string(brake_pieces_ + 1) + " (braking takes " + std::to_string(brake_pieces_) +
-                                ") and at most " + std::to_string(Trajectory::kMaxPieces));
+    const double most_mps = (Trajectory::kMaxPieces - 2) * tau_s_ * a_usable_mps2_;  // to brake from within the most
+    throw std::invalid_argument("horizon: " + std::to_string(options.num_pieces) + " pieces of " + fixed(tau_s_, 3) +
+                                " s; must be at least " + std::to_string(brake_pieces_ + 1) + " (braking from " +
+                                text_of(limits.v_max_mps) + " m/s at " + text_of(limits.a_max_mps2) + " m/s^2 takes " +
+                                std::to_string(brake_pieces_) + ") and at most " +
+                                std::to_string(Trajectory::kMaxPieces) + ": of so many, pieces of " +
+                                fixed(tau_s_ * limits.v_max_mps / most_mps, 3) + " s or more do, or a speed of " +
+                                fixed(most_mps, 2) + " m/s or less");
   }
 }
 

@@ -158,5 +158,29 @@ TEST(PrimitivesTest, AStartThatStillRisesHardlyPassesTheSpeedLimit) {
   EXPECT_GT(rising, 100);
 }
 
+// What the message advises can be flown, a little more cannot.
+TEST(PrimitivesTest, SaysWhatTheHorizonCanBrakeFrom) {
+  SearchLimits limits;
+  SearchOptions options;
+  limits.v_max_mps = 10.0;
+  limits.a_max_mps2 = 2.0;
+  std::string message;
+  try {
+    const Primitives primitives(limits, options);
+  } catch (const std::invalid_argument& error) {
+    message = error.what();
+  }
+  EXPECT_NE(message.find("pieces of 0.638 s or more do, or a speed of 3.14 m/s or less"), std::string::npos) << message;
+  limits.v_max_mps = 3.13;
+  EXPECT_NO_THROW(Primitives(limits, options));
+  limits.v_max_mps = 3.15;
+  EXPECT_THROW(Primitives(limits, options), std::invalid_argument);
+  limits.v_max_mps = 10.0;
+  options.piece = 638ms;
+  EXPECT_NO_THROW(Primitives(limits, options));
+  options.piece = 637ms;
+  EXPECT_THROW(Primitives(limits, options), std::invalid_argument);
+}
+
 }  // namespace
 }  // namespace swarm
