@@ -113,16 +113,18 @@ TrialRow trial_row(const Trial& trial, const World& world, const RunReport& repo
   double last_s = 0.0, sum_s = 0.0, speed = 0.0, acceleration = 0.0, jump_m = 0.0, step_mps2 = 0.0;
   double obstacles_m = INFINITY, static_m = INFINITY, robots_m = INFINITY;
   std::int64_t plans = 0;
-  for (const RobotReport& robot : report.robots) {
+  for (std::size_t i = 0; i < report.robots.size(); ++i) {
+    const RobotReport& robot = report.robots[i];
     const RobotVerdict& verdict = robot.verdict;
+    const RobotLimits limits = limits_of(world, world.robots[i]);
     const double flight_s = verdict.flight_time_s.value_or(INFINITY);
     last_s = std::max(last_s, flight_s);
     sum_s += flight_s;
     obstacles_m = std::min(obstacles_m, verdict.to_obstacles.distance_m);
     static_m = std::min(static_m, verdict.to_static_map.distance_m);
     robots_m = std::min(robots_m, verdict.to_robots.distance_m);
-    speed = std::max(speed, verdict.max_speed_mps.maxCoeff() / world.speed_mps);
-    acceleration = std::max(acceleration, verdict.max_acceleration_mps2.maxCoeff() / world.acceleration_mps2);
+    speed = std::max(speed, verdict.max_speed_mps.maxCoeff() / limits.speed_mps);
+    acceleration = std::max(acceleration, verdict.max_acceleration_mps2.maxCoeff() / limits.acceleration_mps2);
     jump_m = std::max(jump_m, verdict.max_position_jump_m);
     step_mps2 = std::max(step_mps2, verdict.max_acceleration_step_mps2);
     plans += robot.plans;

@@ -24,8 +24,8 @@ PlannerNodeConfig planner_config(const World& world, const WorldRobot& robot, co
   config.planner.space.radius_m = robot.radius_m;
   config.planner.map.static_map = world.static_map;
   SearchLimits& limits = config.planner.limits;
-  limits.v_max_mps = world.speed_mps;
-  limits.a_max_mps2 = world.acceleration_mps2;
+  limits.v_max_mps = limits_of(world, robot).speed_mps;
+  limits.a_max_mps2 = limits_of(world, robot).acceleration_mps2;
   // The ground and the ceiling are solid. The sides are not: starts and goals may lie on them, and a robot needs room
   // to step back.
   limits.space_min = world.space.min + Eigen::Vector3d(-kSideRoom_m, -kSideRoom_m, robot.radius_m);
@@ -37,8 +37,8 @@ BroadcastConfig broadcast_config(const World& world, const WorldRobot& robot, co
   BroadcastConfig config = options.broadcast;
   config.robot_id = robot.id;
   config.radius_m = robot.radius_m;
-  config.v_max_mps = world.speed_mps;
-  config.a_max_mps2 = world.acceleration_mps2;
+  config.v_max_mps = limits_of(world, robot).speed_mps;
+  config.a_max_mps2 = limits_of(world, robot).acceleration_mps2;
   config.roster.clear();
   for (const WorldRobot& other : world.robots) config.roster.push_back(other.id);
   return config;

@@ -39,12 +39,20 @@ struct Rectangle {
   bool operator==(const Rectangle&) const = default;
 };
 
+// Of a robot, per axis.
+struct RobotLimits {
+  double speed_mps = 2.0;
+  double acceleration_mps2 = 6.0;
+  bool operator==(const RobotLimits&) const = default;
+};
+
 // A sphere that shall fly from start to goal, W [m].
 struct WorldRobot {
   int id = 0;
   Eigen::Vector3d start = Eigen::Vector3d::Zero();
   Eigen::Vector3d goal = Eigen::Vector3d::Zero();
   double radius_m = 0.2;
+  std::optional<RobotLimits> limits = std::nullopt;  // none: the world's
   bool operator==(const WorldRobot&) const = default;
 };
 
@@ -71,8 +79,7 @@ struct World {
   std::string name;
   Space space;
   Rectangle obstacle_bounds;
-  double speed_mps = 2.0;          // limit of every robot, per axis
-  double acceleration_mps2 = 6.0;  // limit of every robot, per axis
+  RobotLimits limits;  // of every robot that has none of its own
   double sensing_radius_m = 5.0;
   std::filesystem::path static_map;  // OctoMap file, absolute; empty: none
   std::vector<Space> walls;          // solid; not with a static_map, but one is made of them to be flown in (walls.h)
@@ -80,6 +87,10 @@ struct World {
   std::vector<WorldObstacle> obstacles;
   bool operator==(const World&) const = default;
 };
+
+inline RobotLimits limits_of(const World& world, const WorldRobot& robot) {
+  return robot.limits.value_or(world.limits);
+}
 
 struct ObstacleState {
   Eigen::Vector3d position = Eigen::Vector3d::Zero();  // of the shape's centre, W [m]

@@ -290,8 +290,8 @@ World make_world(Task task, Environment environment, int obstacles, std::uint64_
   world.name = std::string(to_string(task)) + "-" + to_string(environment) + "-" + std::to_string(obstacles) + "-" +
                std::to_string(seed);
   world.obstacle_bounds = {{-7, -7}, {7, 7}};
-  world.speed_mps = fleet.speed_mps;
-  world.acceleration_mps2 = fleet.acceleration_mps2;
+  world.limits.speed_mps = fleet.speed_mps;
+  world.limits.acceleration_mps2 = fleet.acceleration_mps2;
   Random random(seed);
   add_robots(&world, task, fleet, &random);
   const int columns = environment == Environment::kMixed ? (obstacles + 1) / 2 : obstacles;

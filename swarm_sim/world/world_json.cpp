@@ -27,13 +27,22 @@ Box read_box(const JsonValue& value) {
   return box;
 }
 
+RobotLimits read_limits(const JsonValue& value) {
+  value.expect_keys({"speed", "acceleration"});
+  RobotLimits limits;
+  limits.speed_mps = value.at("speed").number(0.0, kFast_mps, kPositive);
+  limits.acceleration_mps2 = value.at("acceleration").number(0.0, 1000.0, kPositive);
+  return limits;
+}
+
 WorldRobot read_robot(const JsonValue& value) {
-  value.expect_keys({"id", "start", "goal", "radius"});
+  value.expect_keys({"id", "start", "goal", "radius", "limits"});
   WorldRobot robot;
   robot.id = value.at("id").integer(0, kMaxRobotId);
   robot.start = value.at("start").numbers(3, -kFar_m, kFar_m);
   robot.goal = value.at("goal").numbers(3, -kFar_m, kFar_m);
   robot.radius_m = value.at("radius").number(0.0, 10.0, kPositive);
+  if (const auto limits = value.find("limits")) robot.limits = read_limits(*limits);
   return robot;
 }
 
@@ -113,10 +122,7 @@ World read_values(const JsonValue& value, const std::filesystem::path& directory
   world.space = read_box<Space>(value.at("space"));
   world.obstacle_bounds = {world.space.min.head<2>(), world.space.max.head<2>()};
   if (const auto bounds = value.find("obstacle_bounds")) world.obstacle_bounds = read_box<Rectangle>(*bounds);
-  const JsonValue limits = value.at("limits");
-  limits.expect_keys({"speed", "acceleration"});
-  world.speed_mps = limits.at("speed").number(0.0, kFast_mps, kPositive);
-  world.acceleration_mps2 = limits.at("acceleration").number(0.0, 1000.0, kPositive);
+  world.limits = read_limits(value.at("limits"));
   if (const auto radius = value.find("sensing_radius"))
     world.sensing_radius_m = radius->number(0.0, kLarge_m, kPositive);
   if (const auto map = value.find("static_map")) {
@@ -145,8 +151,15 @@ ordered_json to_json(const Space& box) {
   return {{"min", array(box.min)}, {"max", array(box.max)}};
 }
 
+ordered_json to_json(const RobotLimits& limits) {
+  return {{"speed", limits.speed_mps}, {"acceleration", limits.acceleration_mps2}};
+}
+
 ordered_json to_json(const WorldRobot& robot) {
-  return {{"id", robot.id}, {"start", array(robot.start)}, {"goal", array(robot.goal)}, {"radius", robot.radius_m}};
+  ordered_json json{
+      {"id", robot.id}, {"start", array(robot.start)}, {"goal", array(robot.goal)}, {"radius", robot.radius_m}};
+  if (robot.limits) json["limits"] = to_json(*robot.limits);
+  return json;
 }
 
 ordered_json to_json(const WorldObstacle& obstacle) {
@@ -212,8 +225,7 @@ std::string to_json_text(const World& world, const std::filesystem::path& direct
   std::string text = "{\"name\": " + ordered_json(world.name).dump();
   text += ",\n \"space\": " + box(world.space);
   text += ",\n \"obstacle_bounds\": " + box(world.obstacle_bounds);
-  text +=
-      ",\n \"limits\": " + ordered_json{{"speed", world.speed_mps}, {"acceleration", world.acceleration_mps2}}.dump();
+  text += ",\n \"limits\": " + to_json(world.limits).dump();
   text += ",\n \"sensing_radius\": " + ordered_json(world.sensing_radius_m).dump();
   if (!world.static_map.empty()) {
     const auto base = (std::filesystem::current_path() / directory).lexically_normal();

@@ -67,7 +67,7 @@ World circle(int robots, double radius_m, int obstacles, std::uint64_t seed) {
 // Continuous, within the limits, from start to goal.
 void expect_flyable(const Flight& flight) {
   const auto trace = read_trace(flight.directory / "trace.csv");
-  const double v_max_mps = 1.01 * flight.world.speed_mps, a_max_mps2 = 1.01 * flight.world.acceleration_mps2;
+  const double v_max_mps = 1.01 * flight.world.limits.speed_mps, a_max_mps2 = 1.01 * flight.world.limits.acceleration_mps2;
   ASSERT_EQ(trace.size(), flight.world.robots.size());
   for (const WorldRobot& robot : flight.world.robots) {
     const std::vector<Row>& rows = trace.at(robot.id);
@@ -249,7 +249,7 @@ TEST(Lockstep, FliesAroundABoardFromRest) {
     TemporaryDirectory directory;
     World world = circle(2, 2.0, 0, 1);
     world.robots.resize(1);
-    world.speed_mps = world.acceleration_mps2 = limit;
+    world.limits.speed_mps = world.limits.acceleration_mps2 = limit;
     world.robots[0].start = {-0.45, 0, 1};
     world.robots[0].goal = {1.0, 0, 1};
     world.walls.push_back({{-0.1, -0.3, 0}, {0.1, 0.3, 4}});

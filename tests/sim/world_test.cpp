@@ -119,8 +119,8 @@ TEST(WorldJson, ReadsEveryField) {
   EXPECT_EQ(world.name, "good");
   EXPECT_EQ(world.space.max, Eigen::Vector3d(8, 8, 4));
   EXPECT_EQ(world.obstacle_bounds.min, Eigen::Vector2d(-8, -8));
-  EXPECT_EQ(world.speed_mps, 2.0);
-  EXPECT_EQ(world.acceleration_mps2, 6.0);
+  EXPECT_EQ(world.limits.speed_mps, 2.0);
+  EXPECT_EQ(world.limits.acceleration_mps2, 6.0);
   EXPECT_EQ(world.sensing_radius_m, 5.0);
   EXPECT_TRUE(world.static_map.empty());
   ASSERT_EQ(world.robots.size(), 2u);
@@ -207,7 +207,7 @@ TEST(WorldJson, RefusesBadInputWithOneClearLine) {
       {"\"start\": [8,1,1]", "\"start\": [1.5,2,1]", "robots[1].start: [1.5,2,1] must not touch obstacles[0] at t = 0"},
       {"\"start\": [8,1,1]", "\"start\": [8,1,null]", "robots[1].start[2]: null must be a number in [-10000, 10000]"},
       {"\"start\": [8,1,1]", "\"begin\": [8,1,1]",
-       "robots[1]: \"begin\" is an unknown key; known are id, start, goal, radius"},
+       "robots[1]: \"begin\" is an unknown key; known are id, start, goal, radius, limits"},
       {"\"shape\": \"column\"", "\"shape\": \"cone\"",
        "obstacles[0].shape: \"cone\" must be one of column, ring, box, sphere"},
       {"\"diameter\": 0.8", "\"diameter\": -0.8", "obstacles[0].diameter: -0.8 must be a number in (0, 1000]"},
@@ -290,8 +290,9 @@ TEST(WorldFiles, WritingReadsBackAsTheSameWorld) {
     world.space = {{-9 + unit(random), -9 + unit(random), unit(random) - 1},
                    {9 + unit(random), 9 + unit(random), 5 + unit(random)}};
     world.obstacle_bounds = {{-7 + unit(random), -7}, {7 + unit(random), 7}};
-    world.speed_mps = 2 + unit(random);
+    world.limits.speed_mps = 2 + unit(random);
     world.sensing_radius_m = 2 + unit(random);
+    if (unit(random) < 0) world.robots[0].limits = {1 + 0.5 * unit(random), 3 + unit(random)};
     for (WorldObstacle& obstacle : world.obstacles) {
       obstacle.shape.size *= 1 + 0.1 * unit(random);
       const bool on_ground = unit(random) < 0 && obstacle.shape.kind == Shape::Kind::kColumn;
