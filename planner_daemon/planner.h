@@ -93,6 +93,22 @@ class Planner {
   // Whether that takes several times as long as other plans: its heuristics are to be built anew.
   bool is_slow(const PlanRequest& request) const;
 
+  // The robot has come no nearer to its goal for some seconds.
+  bool is_stuck(Utime utime) const { return local_minimum_.is_stuck(utime); }
+  // From here on that is told anew.
+  void is_not_stuck(Utime utime) { local_minimum_.give_up(utime); }
+  // The nearest place to where the own motion ends that serves, past all that stands still; none: there is none, or
+  // nothing stands around.
+  template <class Serves>
+  std::optional<Eigen::Vector3d> refuge(const PlanRequest& request, const Serves& serves) {
+    compose(request);
+    voxel_ways_key_ = {};
+    voxel_ways_.build(space_.compose_standing(*request.peers), config_.space.blocked_m(),
+                      request.own.at(request.own.end_utime()).position, config_.limits.space_min.z(),
+                      config_.limits.space_max.z(), nullptr);
+    return voxel_ways_.nearest(serves);
+  }
+
   // Of the newest plan, for benchmarks: what was searched, the path found, what was optimised.
   const SearchProblem& search_problem() const { return search_problem_; }
   const SearchResult& path() const { return path_; }

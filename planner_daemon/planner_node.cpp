@@ -14,6 +14,11 @@ namespace {
 using sogm_swarm::announcement_t;
 using sogm_swarm::planner_status_t;
 
+constexpr Duration kBeside = 6s;                                 // that a robot waits beside the way of another
+constexpr double kHeadOn_m = 1.5, kBack_m = 6.0, kRoom_m = 0.2;  // so near they meet; so far behind, so far beside
+constexpr Duration kStays = 30s;                                 // that it waits for nobody who did not come
+constexpr double kPassed_m = 0.5;                                // beyond where they met
+constexpr double kAlone_m = 5.0;                                 // two so far from all others
 constexpr Duration kMaxAge = 1s;
 constexpr Duration kStatusPeriod = 1s;
 constexpr Duration kSilent = 500ms;   // a peer that was not heard for so long may have to step aside unseen
@@ -203,7 +208,11 @@ bool PlannerNode::on_clock_step(Utime, Duration step) {
   if (urgent_start_) *urgent_start_ += step;
   map_.start_utime += step;
   for (Peer& peer : peer_list_) shift(peer.motion, peer.pending);
-  for (auto& [id, entry] : peers_) entry.heard += step;
+  for (auto& [id, entry] : peers_) {
+    entry.heard += step;
+    if (entry.stayed) *entry.stayed += step;
+  }
+  if (beside_) beside_->until += step;
   return true;
 }
 
@@ -278,8 +287,48 @@ std::optional<Eigen::Vector3d> PlannerNode::place_apart(Utime utime) const {
   return {};
 }
 
-void PlannerNode::step_aside(bool is_urgent) {
+// Two alone, head on where only one fits through: whoever has the higher id goes back to a place beside the other's way
+// until that one has passed.
+std::optional<Eigen::Vector3d> PlannerNode::place_beside(Utime now) {
+  const Eigen::Vector3d place = own_->at(own_->end_utime()).position;
+  if (beside_) {
+    PeerEntry& entry = peers_.at(beside_->peer_id);
+    const Eigen::Vector3d peer = peer_list_[entry.place].motion.at(now).position;
+    const bool has_passed = (peer - beside_->met).dot(beside_->way) > kPassed_m;
+    if (!has_passed && now < beside_->until && beside_->until <= now + kBeside) return beside_->place;
+    if (!has_passed) entry.stayed = now;
+    beside_.reset();
+    planner_.is_not_stuck(now);
+  }
+  if (!goal_ || !planner_.is_stuck(request_.start_utime)) return {};
+  const auto is_near = [&](const Peer& peer) {
+    return (peer.motion.at(request_.start_utime).position - place).norm() < kAlone_m;
+  };
+  if (std::ranges::count_if(peer_list_, is_near) > 1) return {};  // the way beside would be another's way
+  for (const auto& [id, entry] : peers_) {
+    const Peer& peer = peer_list_[entry.place];
+    const Eigen::Vector3d from = peer.motion.at(request_.start_utime).position;
+    const double distance_m = (place - from).norm();
+    if (id > config_.robot_id || distance_m > kHeadOn_m || distance_m == 0.0) continue;
+    if (entry.stayed && now < *entry.stayed + kStays) continue;
+    const Eigen::Vector3d way = (place - from) / distance_m;
+    const double apart_m = config_.planner.space.blocked_m() + peer.radius_m + kRoom_m;
+    const SearchLimits& limits = config_.planner.limits;
+    const Eigen::AlignedBox3d space(limits.space_min, limits.space_max);
+    const auto refuge = planner_.refuge(request_, [&](const Eigen::Vector3d& at) {
+      const double along = std::clamp((at - from).dot(way), -kBack_m, kBack_m);
+      return space.contains(at) && (at - from - along * way).norm() > apart_m;
+    });
+    if (!refuge) continue;
+    beside_ = {*refuge, now + kBeside, id, place, way};
+    return refuge;
+  }
+  return {};
+}
+
+void PlannerNode::step_aside(Utime now, bool is_urgent) {
   std::optional<Eigen::Vector3d> aside = place_apart(request_.start_utime);
+  if (!aside) aside = place_beside(now);
   // A plan that must do without answers may meet others': it only steps aside.
   if (is_urgent && commit_delay_.is_unanswered()) aside = own_->at(own_->end_utime()).position;
   request_.is_aside = aside.has_value();
@@ -303,7 +352,7 @@ void PlannerNode::plan(Utime now, Outbox& outbox) {
     peer_list_[entry.place].silent = now - entry.heard > kSilent;
   }
   request_.peers = &peer_list_;
-  step_aside(is_urgent);
+  step_aside(now, is_urgent);
   newest_ = &planner_.plan(request_);
 
   const double took_s = durations_count_ ? newest_->total_ms() / 1000.0 : 0.0;

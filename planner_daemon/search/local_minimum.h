@@ -17,10 +17,14 @@ class LocalMinimum {
   // Once a plan. `way_m`: the static way from where the robot is to its goal; stands: the robot rests, and a search
   // that got stuck keeps it there. True: it shall follow the static way.
   bool leads(Utime utime, const Eigen::Vector3d& goal, double way_m, bool stands);
+  // It has come no nearer to its goal for long.
+  bool is_stuck(Utime utime) const { return mark_ && utime - mark_->utime >= kPatience; }
   // There is none to be followed: it tries again later.
   void give_up(Utime utime);
 
  private:
+  static constexpr Duration kPatience = 2500ms;
+
   struct Mark {
     Utime utime{};
     double way_m;
@@ -30,6 +34,8 @@ class LocalMinimum {
   std::optional<Mark> mark_;  // since then it came no nearer
   std::optional<Utime> stands_since_;
   std::optional<double> until_m_;                             // follows the static way until that is so short
+  Utime until_{};                                             // and no longer
+  int in_vain_ = 0;                                           // times in a row that it was led, but not as far
   double stuck_m_ = std::numeric_limits<double>::infinity();  // where it got stuck last
   double far_m_ = 0.0;                                        // so far it was led from there
 };

@@ -57,6 +57,9 @@ class StaticHeuristic {
   std::optional<Waypoint> ahead(const Eigen::Vector3d& place, double reach_m) const;
   // Of the way from `place` [Wavefront::Cost].
   int cost(const Eigen::Vector3d& place) const;
+  // The place from which the way to the goal is the shortest among those that serve; none: none does.
+  template <class Serves>
+  std::optional<Eigen::Vector3d> nearest(const Serves& serves) const;
 
   // Word `w` of the column of the lattice at (x, y), from the voxel `z` of the lattice on: what stands still is too
   // close to these voxels. 0 beyond the window and where the goal cannot be reached.
@@ -79,6 +82,11 @@ class StaticHeuristic {
   static int ticks_of(int cost, int per_cell) { return cost * per_cell / (kCellVoxels * Wavefront::kStraight); }
 
  private:
+  bool is_open(const Eigen::Vector3i& voxel) const {
+    const Eigen::Index words = grid_.words_per_column();
+    const Eigen::Index at = (Eigen::Index{voxel.x()} * grid_.size.y() + voxel.y()) * words + voxel.z() / 64;
+    return grid_.contains(voxel) && (blocked_[static_cast<std::size_t>(at)] >> voxel.z() % 64 & 1) == 0;
+  }
   double cell_m() const { return cell_voxels_ * grid_.resolution_m; }
   // Place in cells of the window.
   Eigen::Vector3d in_cells(const Eigen::Vector3d& place) const {
@@ -102,5 +110,25 @@ class StaticHeuristic {
   std::vector<std::uint64_t> inside_;   // of a column: within the flight space
   Wavefront front_;
 };
+
+template <class Serves>
+std::optional<Eigen::Vector3d> StaticHeuristic::nearest(const Serves& serves) const {
+  if (empty_) return {};
+  std::optional<Eigen::Vector3d> best;
+  int least = Wavefront::kUnreached;
+  for (int x = 0; x < size_.x(); ++x) {
+    for (int y = 0; y < size_.y(); ++y) {
+      const Wavefront::Cost* costs = front_.column(x, y);
+      for (int z = 0; z < size_.z(); ++z) {
+        const Eigen::Vector3d place = grid_.origin.cast<double>() * grid_.resolution_m +
+                                      (Eigen::Vector3d(x, y, z).array() + 0.5).matrix() * cell_m();
+        if (costs[z] >= least || !is_open(grid_.voxel_of(place)) || !serves(place)) continue;
+        least = costs[z];
+        best = place;
+      }
+    }
+  }
+  return best;
+}
 
 }  // namespace swarm

@@ -99,6 +99,38 @@ TEST(PlannerNode, PartsFromAPeerThatRestsTooClose) {
   }
 }
 
+// Head on in a tube where nobody can pass: the robot with the higher id goes back to a place beside the other's way,
+// and comes again when that one has passed.
+TEST(PlannerNode, LetsAPeerWithTheRightOfWayPassWhereOnlyOneFitsThrough) {
+  for (const int id : {1, 7}) {
+    PlannerNodeConfig config = Fixture::make_config();
+    config.planner.limits.space_min.z() = 0.8;
+    config.planner.limits.space_max.z() = 1.2;
+    Fixture f(config);
+    for (const double side : {-1.5, 0.5}) f.occupy({-1, side, -1}, {3, side + 1, 3});
+    Trajectory plan;
+    Eigen::Vector3d peer = kHome + Eigen::Vector3d(0.9, 0, 0);
+    const auto go_on = [&](double seconds) {  // the robot is held where it is
+      for (const Utime until = f.now + to_duration(seconds); f.now < until; f.run_for(0.05)) {
+        f.send_hover();
+        f.send_peer(id, Trajectory::hover(1, f.now, peer));
+        f.send_goal(kHome + Eigen::Vector3d(5, 0, 0));
+        f.send_map();
+        if (f.out.count(channel::kCandidate) > 0) plan = f.planned();
+      }
+    };
+    go_on(2.0);
+    EXPECT_TRUE(plan.empty() || (end_of(plan) - kHome).norm() < 0.5) << "nothing is to be done yet";
+    go_on(2.0);
+    const Eigen::Vector3d end = plan.empty() ? kHome : end_of(plan);
+    EXPECT_EQ(end.x() < kHome.x() - 0.5, id < kRobot) << end.transpose();
+    if (id > kRobot) continue;
+    peer = kHome + Eigen::Vector3d(-2.5, 0, 0);
+    go_on(0.5);
+    EXPECT_GT(end_of(plan).x(), kHome.x() + 0.5) << "it has passed";
+  }
+}
+
 TEST(PlannerNode, DoesNotPlanWithStaleMaps) {
   Fixture f;
   f.send_hover();

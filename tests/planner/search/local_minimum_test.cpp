@@ -46,8 +46,8 @@ TEST(LocalMinimum, WhoeverComesNoNearerIsLed) {
 TEST(LocalMinimum, ALongerWayIsAnotherWay) {
   Robot robot;
   EXPECT_FALSE(robot.is_led_within(2400ms, false, [](double) { return 4.0; }));
-  EXPECT_FALSE(robot.is_led_within(2400ms, false, [](double) { return 6.0; }));
-  EXPECT_TRUE(robot.is_led_within(200ms, false, [](double) { return 6.0; }));
+  EXPECT_FALSE(robot.is_led_within(2400ms, false, [](double) { return 9.0; }));
+  EXPECT_TRUE(robot.is_led_within(200ms, false, [](double) { return 9.0; }));
 }
 
 TEST(LocalMinimum, IsLedTwiceAsFarWhereItComesBack) {
@@ -59,6 +59,22 @@ TEST(LocalMinimum, IsLedTwiceAsFarWhereItComesBack) {
   }
   ASSERT_TRUE(robot.is_led_within(1s, true, [](double) { return 9.0; }));
   EXPECT_FALSE(robot.local_minimum.leads(robot.now, kGoal, 8.0, false)) << "it had come past the other one";
+}
+
+// What it was led by did not help: now and then it is tried again.
+TEST(LocalMinimum, IsLedInVainLessAndLess) {
+  Robot robot;
+  const auto stands = [](double) { return 4.0; };
+  for (const Duration patience : {300ms, 600ms, 1200ms, 2400ms, 4800ms, 4800ms}) {
+    const Utime begun = robot.now;
+    ASSERT_TRUE(robot.is_led_within(10s, true, stands));
+    EXPECT_EQ(robot.now - begun, patience);
+    EXPECT_EQ(robot.local_minimum.is_stuck(robot.now), patience >= 2500ms);
+    robot.now += 9950ms;
+    EXPECT_TRUE(robot.local_minimum.leads(robot.now, kGoal, 4.0, true));
+    robot.now += 50ms;
+    EXPECT_FALSE(robot.local_minimum.leads(robot.now, kGoal, 4.0, true));
+  }
 }
 
 TEST(LocalMinimum, AnotherGoalIsAnotherWay) {
