@@ -122,7 +122,7 @@ void Planner::compose(const PlanRequest& request) {
   const MotionState start = request.own.at(request.start_utime);
   reachable_ = {start.position,
                 request.start_utime,
-                config_.limits.v_max_mps,
+                v_max_mps(request),
                 to_seconds(search.piece) * search.num_pieces,
                 config_.limits.a_max_mps2,
                 start.velocity};
@@ -131,7 +131,7 @@ void Planner::compose(const PlanRequest& request) {
 
 Planner::CacheKey Planner::cache_key(const PlanRequest& request) {
   const GridGeometry& grid = request.sogm->geometry;
-  return {request.sogm->start_utime, grid.size, grid.resolution_m, request.goal};
+  return {request.sogm->start_utime, grid.size, grid.resolution_m, request.goal, request.v_max_mps};
 }
 
 // What is free is looked up in the newest map in any case. A younger map only: the same one comes again where parts of
@@ -139,7 +139,8 @@ Planner::CacheKey Planner::cache_key(const PlanRequest& request) {
 bool Planner::CacheKey::serves(const PlanRequest& request, Duration longest) const {
   const CacheKey now = cache_key(request);
   const Duration age = now.utime - utime;
-  return age > 0us && age < longest && size == now.size && resolution_m == now.resolution_m && goal == now.goal;
+  return age > 0us && age < longest && size == now.size && resolution_m == now.resolution_m && goal == now.goal &&
+         v_max_mps == now.v_max_mps;
 }
 
 bool Planner::is_slow(const PlanRequest& request) const {
@@ -174,7 +175,7 @@ std::optional<Eigen::Vector3d> Planner::place_ahead(const PlanRequest& request) 
   if (request.is_aside || cost == Wavefront::kUnreached || (place - request.goal).norm() < kAtGoal_m) return {};
   const double way_m = request.sogm->geometry.resolution_m * cost / Wavefront::kStraight;
   const bool stands = request.own.end_utime() <= request.start_utime && path_.settled && !result_.fly;
-  if (!local_minimum_.leads(request.start_utime, request.goal, way_m, stands)) return {};
+  if (!local_minimum_.leads(request.start_utime, request.goal, way_m, stands, v_max_mps(request))) return {};
   if (!voxel_ways_key_.serves(request, kStaticHeuristicAge)) {
     voxel_ways_.build(space_.compose_standing(*request.peers), config_.space.blocked_m(), request.goal,
                       config_.limits.space_min.z(), config_.limits.space_max.z(), &guidance_, 1);
@@ -195,6 +196,7 @@ SearchStatus Planner::search(const PlanRequest& request) {
   problem = {request.own.at(request.start_utime),
              request.start_utime,
              ahead.value_or(request.goal),
+             v_max_mps(request),
              &space_,
              ahead ? nullptr : &space_time_heuristic_,
              /*fine=*/searches_finer_};
@@ -238,9 +240,10 @@ bool Planner::optimize(const PlanRequest& request, Trajectory* smooth) {
   // The start lies inside a piece of the own motion, so its control points may pass the limits although the motion does
   // not. is_within_limits() looks at the motion itself afterwards.
   const Eigen::Vector3d drift = start.velocity + h / 4 * start.acceleration;
-  spline_problem_.v_max_mps = config_.limits.v_max_mps;
+  const double start_mps = start.velocity.cwiseAbs().maxCoeff();  // a faster one than now allowed brakes
+  spline_problem_.v_max_mps = std::clamp(start_mps, v_max_mps(request), config_.limits.v_max_mps);
   spline_problem_.a_max_mps2 = config_.limits.a_max_mps2;
-  spline_problem_.end_v_max_mps = std::max(start.velocity.cwiseAbs().maxCoeff(), drift.cwiseAbs().maxCoeff());
+  spline_problem_.end_v_max_mps = std::max(start_mps, drift.cwiseAbs().maxCoeff());
   spline_problem_.end_a_max_mps2 = start.acceleration.cwiseAbs().maxCoeff();
   // Away from the corridors' faces where that is possible.
   SplineQp& optimizer = optimizers_[static_cast<std::size_t>(n) - 1];

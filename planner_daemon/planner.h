@@ -35,6 +35,7 @@ struct PlanRequest {
   Motion own;                  // what this robot is bound to
   Utime start_utime{};         // the plan leaves the own motion here
   Eigen::Vector3d goal = Eigen::Vector3d::Zero();
+  double v_max_mps = std::numeric_limits<double>::infinity();  // per axis, where the limits allow more
   bool is_aside = false;  // the goal is a place nearby beside the way: the way through the whole map stays as it is
   const std::vector<Peer>* peers = nullptr;
 };
@@ -123,10 +124,12 @@ class Planner {
     Eigen::Vector3i size = Eigen::Vector3i::Zero();  // of the window [voxels]
     double resolution_m = 0.0;
     Eigen::Vector3d goal = Eigen::Vector3d::Constant(std::numeric_limits<double>::quiet_NaN());
+    double v_max_mps = 0.0;
 
     bool serves(const PlanRequest& request, Duration longest) const;
   };
   static CacheKey cache_key(const PlanRequest& request);
+  double v_max_mps(const PlanRequest& request) const { return std::min(config_.limits.v_max_mps, request.v_max_mps); }
 
   void compose(const PlanRequest& request);
   SearchStatus search(const PlanRequest& request);

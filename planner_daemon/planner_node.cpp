@@ -193,7 +193,7 @@ Refusal PlannerNode::on_goal(std::span<const std::uint8_t> bytes) {
   sogm_swarm::goal_t message;
   const Refusal refusal = receive(bytes, FromRobot{config_.robot_id}, TimeWindow(), goal_gate_, &message);
   if (refusal != Refusal::kNone) return refusal;
-  goal_ = Eigen::Vector3d(message.position);
+  mission_.fly(mission_of(message));
   return Refusal::kNone;
 }
 
@@ -213,6 +213,7 @@ bool PlannerNode::on_clock_step(Utime, Duration step) {
     if (entry.stayed) *entry.stayed += step;
   }
   if (beside_) beside_->until += step;
+  mission_.shift(step);
   return true;
 }
 
@@ -247,7 +248,7 @@ Utime PlannerNode::step(Utime now, Outbox& outbox) {
       state = planner_status_t::kStaleMap;
     else if (!own_)
       state = planner_status_t::kNoCommitted;
-    else if (!goal_)
+    else if (mission_.empty())
       state = planner_status_t::kNoGoal;
     publish_status(now, state, outbox);
     wake = std::min(wake, status_.due(now, kStatusPeriod));
@@ -300,7 +301,7 @@ std::optional<Eigen::Vector3d> PlannerNode::place_beside(Utime now) {
     beside_.reset();
     planner_.is_not_stuck(now);
   }
-  if (!goal_ || !planner_.is_stuck(request_.start_utime)) return {};
+  if (mission_.empty() || !planner_.is_stuck(request_.start_utime)) return {};
   const auto is_near = [&](const Peer& peer) {
     return (peer.motion.at(request_.start_utime).position - place).norm() < kAlone_m;
   };
@@ -343,7 +344,9 @@ void PlannerNode::plan(Utime now, Outbox& outbox) {
   request_.own = *own_;
   // Without a goal the robot holds its place, but steps aside like any other.
   if (!hold_) hold_ = own_->at(own_->end_utime()).position;
-  request_.goal = goal_.value_or(*hold_);
+  mission_.pass(now, own_->at(now));
+  request_.goal = mission_.empty() ? *hold_ : mission_.waypoint().position;
+  request_.v_max_mps = mission_.empty() ? config_.planner.limits.v_max_mps : mission_.waypoint().speed_mps;
   const bool is_slow = planner_.is_slow(request_);
   request_.start_utime = start_utime(now, is_slow);
   const bool is_urgent = urgent_start_.has_value();
@@ -404,6 +407,7 @@ void PlannerNode::publish_status(Utime now, std::int16_t state, Outbox& outbox) 
   status.plans = plans_;
   status.missed = missed_;
   status.rate_hz = static_cast<float>(plan_times_.size());
+  status.waypoint = mission_.index();
   if (newest_ != nullptr) {
     status.outcome = static_cast<std::int16_t>(newest_->outcome);
     status.expansions = newest_->expansions;

@@ -16,6 +16,7 @@
 #include "map_daemon/sogm_codec.h"
 #include "planner_daemon/coordination/commit_delay.h"
 #include "planner_daemon/planner.h"
+#include "planner_daemon/trajectory/mission.h"
 
 namespace swarm {
 
@@ -92,7 +93,7 @@ class PlannerNode : public Node {
   std::optional<Planned> planned_;        // the newest candidate, until it is announced
   std::array<PlanDelay, 2> plan_delays_;  // of plans that are not slow, and of slow ones
   CommitDelay commit_delay_;
-  std::optional<Eigen::Vector3d> goal_;
+  MissionProgress mission_;
   struct Beside {
     Eigen::Vector3d place;
     Utime until;

@@ -67,7 +67,7 @@ def outline(obstacle):
 
 
 def robot_shapes(run, i, color, seconds, steps):
-    """(its way so far, its goal, itself)."""
+    """(its way so far, its goals, itself)."""
     trace = run.traces[i][steps]
     times, points = trace[:, 0], trace[:, 2:4]
     keys = key_steps(times, points)
@@ -76,11 +76,13 @@ def robot_shapes(run, i, color, seconds, steps):
     length = ways[-1] + 1
     line = " ".join(f"{x:.1f},{y:.1f}" for x, y in corners)
     offsets = animate("stroke-dashoffset", seconds, times[keys], [f"{length - way:.1f}" for way in ways])
-    goal = PIXELS_PER_M * np.array(run.robots[i]["goal"][:2])
     radius = PIXELS_PER_M * run.robots[i]["radius"]
+    goals = [
+        f'<circle class="goal" stroke="{color}" r="{1.6 * radius:.1f}" cx="{PIXELS_PER_M * goal[0]:.1f}" cy="{PIXELS_PER_M * goal[1]:.1f}"/>' for goal in run.goals[i]
+    ]
     return (
         f'<polyline class="way" stroke="{color}" stroke-dasharray="{length:.1f}" stroke-dashoffset="{length:.1f}" points="{line}">{offsets}</polyline>',
-        f'<circle class="goal" stroke="{color}" r="{1.6 * radius:.1f}" cx="{goal[0]:.1f}" cy="{goal[1]:.1f}"/>',
+        "".join(goals),
         moving(f'<circle class="robot" fill="{color}" r="{radius:.1f}"/>', seconds, times, points),
     )
 

@@ -42,6 +42,7 @@ class Run:
             self.world, self.report = json.loads(texts["world.json"]), json.loads(texts["report.json"])
             rows = np.array([[float(value) for value in row] for row in list(csv.reader(texts["trace.csv"].splitlines()))[1:]])
             self.robots = {robot["id"]: robot for robot in self.world["robots"]}
+            self.goals = {i: [goal["position"] for goal in robot.get("goals", [])] or [robot["goal"]] for i, robot in self.robots.items()}
             self.traces = {i: rows[rows[:, 1] == i] for i in self.robots}
             self.t = self.traces[next(iter(self.robots))][:, 0]
             complete = len(self.t) > 0 and all(trace.shape == (len(self.t), 11) for trace in self.traces.values())
@@ -131,9 +132,9 @@ def draw_scene(axis, run, k, since=0):
     for wall in run.walls:
         axis.add_patch(plt.Rectangle(wall["min"][:2], *np.subtract(wall["max"], wall["min"])[:2], **SOLID))
     for i, trace in run.traces.items():
-        color, goal = run.color(i), run.robots[i]["goal"]
+        color, goals = run.color(i), np.array(run.goals[i])
         axis.plot(trace[since:, 2], trace[since:, 3], color=color, linewidth=1.2, label=f"robot {i}")
-        axis.plot(*goal[:2], marker="x", color=color, markersize=6)
+        axis.plot(goals[:, 0], goals[:, 1], marker="x", linestyle="none", color=color, markersize=6)
         axis.add_patch(plt.Circle(trace[k, 2:4], run.robots[i]["radius"], color=color, zorder=3))
     space = run.world["space"]
     axis.set(xlim=(space["min"][0] - 1, space["max"][0] + 1), ylim=(space["min"][1] - 1, space["max"][1] + 1), aspect="equal", xlabel="x [m]", ylabel="y [m]")

@@ -6,6 +6,7 @@
 #include "lcmtypes/bus/time.h"
 #include "sogm_swarm/announcement_t.hpp"
 #include "sogm_swarm/corridors_t.hpp"
+#include "sogm_swarm/goal_t.hpp"
 #include "sogm_swarm/obstacle_voxels_t.hpp"
 #include "sogm_swarm/obstacles_t.hpp"
 #include "sogm_swarm/sogm_t.hpp"
@@ -19,6 +20,10 @@ inline constexpr int kMaxFaces = sogm_swarm::corridors_t::kMaxFaces;  // of all 
 inline constexpr int kMaxTrackedObstacles = sogm_swarm::obstacles_t::kMaxObstacles;
 inline constexpr int kMaxObstacleVoxels = sogm_swarm::obstacle_voxels_t::kMaxVoxels;  // of one obstacle
 inline constexpr double kMaxObstacleSize_m = 1000.0;
+
+// Of a mission.
+inline constexpr int kMaxThen = sogm_swarm::goal_t::kMaxThen;  // goals after the first
+inline constexpr double kMaxTolerance_m = 1000.0, kLeastSpeed_mps = 0.05, kMaxWait_s = 86400.0;
 
 // Of a map.
 inline constexpr int kMaxMapFrames = sogm_swarm::sogm_t::kMaxFrames;

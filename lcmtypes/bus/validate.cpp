@@ -61,6 +61,13 @@ Refusal validate(const obstacle_t& m) {
                  std::all_of(m.size + sizes_used, m.size + 3, [](double size) { return size == 0.0; }));
 }
 
+// A goal, or a waypoint after it.
+template <class Place>
+bool place_ok(const Place& m) {
+  return all_within(m.position, kMaxPosition_m) && within(m.tolerance, 0.0, kMaxTolerance_m) &&
+         (m.speed == 0.0 || within(m.speed, kLeastSpeed_mps, kMaxVelocity_mps)) && within(m.wait, 0.0, kMaxWait_s);
+}
+
 }  // namespace
 
 Refusal validate(const header_t& m) {
@@ -119,7 +126,7 @@ Refusal validate(const corridors_t& m) {
 }
 
 Refusal validate(const goal_t& m) {
-  return verdict(all_within(m.position, kMaxPosition_m));
+  return verdict(place_ok(m) && std::all_of(m.then.begin(), m.then.end(), place_ok<waypoint_t>));
 }
 
 Refusal validate(const robot_state_t& m) {
@@ -166,7 +173,7 @@ Refusal validate(const map_status_t& m) {
 Refusal validate(const planner_status_t& m) {
   return verdict(within(m.state, planner_status_t::kPlanning, planner_status_t::kUnreachable) &&
                  within(m.outcome, planner_status_t::kSmooth, planner_status_t::kUnsafe) &&
-                 amounts_ok(std::array{m.plans, m.missed, m.expansions}) && amounts_ok(m.refused) &&
+                 amounts_ok(std::array{m.plans, m.missed, m.expansions, m.waypoint}) && amounts_ok(m.refused) &&
                  amounts_ok(std::array{m.rate_hz, m.compose_ms, m.search_ms, m.corridor_ms, m.optimize_ms, m.check_ms,
                                        m.total_ms}));
 }

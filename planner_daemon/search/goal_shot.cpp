@@ -14,11 +14,11 @@ const Eigen::Matrix<double, 4, 3> kThird =
 
 // Passes the limits at one of these, and so do the bounds of the piece around it: finds out at once most of the
 // quintics that are too short.
-bool hurries(const ControlPoints& whole, double h_s, const SearchLimits& limits) {
+bool hurries(const ControlPoints& whole, double h_s, double v_max_mps, double a_max_mps2) {
   const Eigen::Matrix<double, 3, 5> steps = whole.rightCols<5>() - whole.leftCols<5>();
   const double v = 5 / h_s * (steps * kFourth).cwiseAbs().maxCoeff();
   const double a = 20 / (h_s * h_s) * ((steps.rightCols<4>() - steps.leftCols<4>()) * kThird).cwiseAbs().maxCoeff();
-  return v > limits.v_max_mps * (1 + 1e-6) || a > limits.a_max_mps2 * (1 + 1e-6);
+  return v > v_max_mps * (1 + 1e-6) || a > a_max_mps2 * (1 + 1e-6);
 }
 
 }  // namespace
@@ -33,7 +33,7 @@ Utime GoalShot::goal_open_from() const {
 }
 
 bool GoalShot::shoot(const SearchNode& node, SearchPath* path) {
-  const SearchLimits& limits = context_.limits;
+  const double v_max_mps = context_.v_max_mps, a_max_mps2 = context_.limits.a_max_mps2;
   const Eigen::AlignedBox3d& space = context_.space;
   const Sogm& map = context_.problem.space->grid();
   const double tau_s = context_.primitives.tau_s();
@@ -47,7 +47,7 @@ bool GoalShot::shoot(const SearchNode& node, SearchPath* path) {
     if (context_.utime_at(node.depth + pieces) < *goal_open_utime_) continue;
     const double duration_s = pieces * tau_s;
     const ControlPoints whole = quintic_control_points(start, goal, duration_s);
-    if (hurries(whole, duration_s, limits)) continue;
+    if (hurries(whole, duration_s, v_max_mps, a_max_mps2)) continue;
     bool ok = true;
     for (int k = 1; k <= pieces && ok; ++k) {
       const auto at = static_cast<std::size_t>(node.depth + k);
@@ -55,8 +55,8 @@ bool GoalShot::shoot(const SearchNode& node, SearchPath* path) {
       knot = k == pieces ? goal : evaluate_bezier(whole, duration_s, static_cast<double>(k) / pieces);
       const MotionState& before = k == 1 ? start : path->knots[at - 1];
       const ControlPoints points = quintic_control_points(before, knot, tau_s);
-      ok = max_speed_bound(points, tau_s) <= limits.v_max_mps + 1e-9 &&
-           max_acceleration_bound(points, tau_s) <= limits.a_max_mps2 + 1e-9;
+      ok = max_speed_bound(points, tau_s) <= v_max_mps + 1e-9 &&
+           max_acceleration_bound(points, tau_s) <= a_max_mps2 + 1e-9;
     }
     if (!ok) continue;
     // Free on the way, and at the goal until the horizon.

@@ -5,7 +5,8 @@
 namespace swarm {
 namespace {
 
-constexpr double kProgress_m = 0.3;  // so much nearer is on its way
+constexpr double kProgress_m = 0.3;  // so much nearer is on its way,
+constexpr double kProgress_s = 0.3;  // or what so much of full speed makes
 constexpr double kSetback_m = 1.0;   // so much farther: another way, for other reasons
 constexpr Duration kStands = 300ms;
 constexpr Duration kLed = 10s;  // at most: what stopped it may be gone
@@ -14,7 +15,7 @@ constexpr double kLeast_m = 1.0, kMost_m = 8.0;  // of the way that it is led, t
 
 }  // namespace
 
-bool LocalMinimum::leads(Utime utime, const Eigen::Vector3d& goal, double way_m, bool stands) {
+bool LocalMinimum::leads(Utime utime, const Eigen::Vector3d& goal, double way_m, bool stands, double v_max_mps) {
   if (goal != goal_) *this = LocalMinimum();
   goal_ = goal;
   if (until_m_) {
@@ -23,7 +24,8 @@ bool LocalMinimum::leads(Utime utime, const Eigen::Vector3d& goal, double way_m,
     in_vain_ = is_there ? 0 : std::min(in_vain_ + 1, kMostInVain);
     give_up(utime);
   }
-  const bool has_moved = !mark_ || way_m < mark_->way_m - kProgress_m || way_m > mark_->way_m + kSetback_m;
+  const double progress_m = std::min(kProgress_m, kProgress_s * v_max_mps);
+  const bool has_moved = !mark_ || way_m < mark_->way_m - progress_m || way_m > mark_->way_m + kSetback_m;
   if (has_moved || mark_->utime > utime) mark_ = {utime, way_m};
   if (!stands || !stands_since_ || *stands_since_ > utime) stands_since_ = utime;
   const int patience = 1 << in_vain_;  // twice as long each time it was led in vain

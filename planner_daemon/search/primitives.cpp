@@ -39,7 +39,8 @@ Primitives::Primitives(const SearchLimits& limits, const SearchOptions& options)
       tau_s_(to_seconds(options.piece)),
       a_usable_mps2_(kUsable * limits.a_max_mps2),
       brake_pieces_(brake_pieces(limits, options.piece)),
-      max_depth_(options.num_pieces - brake_pieces_) {
+      max_depth_(options.num_pieces - brake_pieces_),
+      v_max_mps_(limits.v_max_mps) {
   if (options.num_pieces > Trajectory::kMaxPieces || max_depth_ < 1) {
     const double most_mps = (Trajectory::kMaxPieces - 2) * tau_s_ * a_usable_mps2_;  // to brake from within the most
     throw std::invalid_argument("horizon: " + std::to_string(options.num_pieces) + " pieces of " + fixed(tau_s_, 3) +
@@ -56,7 +57,8 @@ int Primitives::brake_pieces(const SearchLimits& limits, Duration piece) {
   return static_cast<int>(std::ceil(limits.v_max_mps / (to_seconds(piece) * kUsable * limits.a_max_mps2))) + 1;
 }
 
-void Primitives::lay_out(const GridGeometry& grid, const Eigen::AlignedBox3d& space) {
+void Primitives::lay_out(const GridGeometry& grid, const Eigen::AlignedBox3d& space, double v_max_mps) {
+  v_max_mps_ = v_max_mps;
   const double longest_m = limits_.v_max_mps * tau_s_;  // of a primitive, along an axis
   const double blocks = std::ceil(longest_m / (kBlockSamples * grid.resolution_m));
   const int num_samples = kBlockSamples * static_cast<int>(std::clamp<double>(blocks, 1, kMaxBlocks));
@@ -125,7 +127,7 @@ AxisSamples Primitives::axis_samples(int axis, double p, double v, double a, dou
 // A start in the middle of a piece may rise above v_max_mps before a primitive ends: the largest a1 <= `high` that
 // prevents it, or the least there is. By bisection: the peak grows with a1.
 double Primitives::calm_down(double v, double a, double high) const {
-  const double limit = kOverspeed * limits_.v_max_mps;
+  const double limit = kOverspeed * v_max_mps_;
   if (a <= 0.0 || peak_velocity(v, a, high, tau_s_) <= limit) return high;
   double low = -a_usable_mps2_;
   for (int i = 0; i < 12; ++i) {
@@ -145,10 +147,10 @@ void Primitives::axis_options(int axis, const MotionState& from, bool fine, Axis
   const double p = from.position[axis], v = from.velocity[axis], a = from.acceleration[axis];
   // The largest and smallest a1 after which the next primitive can still keep the speed limit: v1 + tau/3 a1 <= v_max.
   const double drift = v + tau_s_ / 3 * a;
-  double high = std::clamp((limits_.v_max_mps - drift) / tau_s_, -a_usable_mps2_, a_usable_mps2_);
-  double low = std::clamp((-limits_.v_max_mps - drift) / tau_s_, -a_usable_mps2_, a_usable_mps2_);
-  if (drift > limits_.v_max_mps) high = calm_down(v, a, high);
-  if (drift < -limits_.v_max_mps) low = -calm_down(-v, -a, -low);
+  double high = std::clamp((v_max_mps_ - drift) / tau_s_, -a_usable_mps2_, a_usable_mps2_);
+  double low = std::clamp((-v_max_mps_ - drift) / tau_s_, -a_usable_mps2_, a_usable_mps2_);
+  if (drift > v_max_mps_) high = calm_down(v, a, high);
+  if (drift < -v_max_mps_) low = -calm_down(-v, -a, -low);
   const double rest = std::clamp(-drift / tau_s_, low, high);  // at rest one primitive later, or as near as may be
   const double gentle = fine && std::abs(v) < 0.5 * options_.slow_mps ? 0.25 * a_usable_mps2_ : 0.0;
   options->count = 0;

@@ -54,8 +54,8 @@ class Primitives {
   int max_depth() const { return max_depth_; }  // primitives before braking
 
   // From now on samples are placed in maps of this window: kBlockSamples or a multiple of it in each primitive. None
-  // leaves `space`, W [m].
-  void lay_out(const GridGeometry& grid, const Eigen::AlignedBox3d& space);
+  // leaves `space`, W [m], none of a node that is no faster than `v_max_mps` exceeds that, and a faster one brakes.
+  void lay_out(const GridGeometry& grid, const Eigen::AlignedBox3d& space, double v_max_mps);
   int num_samples() const { return num_samples_; }
 
   // What an axis may do from a node on: the strongest accelerations either way that leave the speed limit within reach,
@@ -89,6 +89,7 @@ class Primitives {
   double a_usable_mps2_;
   int brake_pieces_;
   int max_depth_;
+  double v_max_mps_;
   int num_samples_ = 0;  // weights_ are for
   SampleWeights weights_;
   std::array<AxisGrid, 3> axes_;

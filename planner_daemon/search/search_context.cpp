@@ -34,8 +34,9 @@ void SearchContext::set(const SearchProblem& problem_in) {
   problem = problem_in;
   const Sogm& map = problem.space->grid();
   space = Eigen::AlignedBox3d(limits.space_min, limits.space_max).intersection(problem.space->known());
-  primitives.lay_out(map.geometry, space);
-  heuristic.set(problem, limits.v_max_mps, primitives.a_usable_mps2());
+  v_max_mps = std::min(limits.v_max_mps, problem.v_max_mps);
+  primitives.lay_out(map.geometry, space, v_max_mps);
+  heuristic.set(problem, v_max_mps, primitives.a_usable_mps2());
   hover_until_utime = std::max(utime_at(options.num_pieces), map.end_utime());
   start_blocked = problem.space->blocked_at(problem.start.position, map.frame_at(problem.start_utime));
   words_per_frame = map.geometry.words_per_frame();

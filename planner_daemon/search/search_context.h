@@ -48,6 +48,7 @@ struct SearchContext {
   Primitives primitives;
 
   SearchProblem problem;
+  double v_max_mps = 0.0;  // of the limits and the problem the lower one
   GoalHeuristic heuristic;
   Eigen::AlignedBox3d space;  // that paths must not leave: the flight space, as far as the map goes, W [m]
   bool start_blocked = false;

@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <array>
+#include <limits>
 
 #include "planner_daemon/search/space_time_heuristic.h"
 #include "planner_daemon/space/configuration_space.h"
@@ -39,8 +40,10 @@ struct SearchProblem {
   MotionState start;
   Utime start_utime{};
   Eigen::Vector3d goal = Eigen::Vector3d::Zero();  // W [m]
-  ConfigurationSpace* space = nullptr;             // composed; works out what is looked at
-  const SpaceTimeHeuristic* heuristic = nullptr;   // knows detours and waits; null: none
+  double v_max_mps =
+      std::numeric_limits<double>::infinity();    // per axis, where the limits allow more; faster starts brake
+  ConfigurationSpace* space = nullptr;            // composed; works out what is looked at
+  const SpaceTimeHeuristic* heuristic = nullptr;  // knows detours and waits; null: none
   bool fine = true;  // slow nodes manoeuvre finely (see slow_mps): narrow places, at a price
 };
 

@@ -95,9 +95,8 @@ sogm_swarm::obstacles_t EnvironmentNode::obstacles(Utime own_time, double t_s) {
 }
 
 sogm_swarm::goal_t EnvironmentNode::goal(Utime own_time) {
-  sogm_swarm::goal_t message{};
+  sogm_swarm::goal_t message = to_goal(mission_of(simulation_.world().robots[index_]));
   message.header = goal_headers_.next(own_time);
-  Eigen::Map<Eigen::Vector3d>(message.position) = simulation_.world().robots[index_].goal;
   return message;
 }
 

@@ -9,7 +9,7 @@ namespace swarm {
 namespace {
 
 constexpr double kTouchTolerance_m = 1e-9;  // rounding of the distance between surfaces that just touch
-constexpr double kArrived_m = 0.1, kArrived_mps = 0.2, kAfterArrival_s = 2.0;
+constexpr double kArrived_mps = 0.2, kAfterArrival_s = 2.0;
 constexpr double kAtRest_mps = 0.1, kDeadlock_s = 3.0;
 constexpr double kTimeTolerance_s = 1e-9;  // sums of time steps
 
@@ -51,8 +51,12 @@ Judge::Judge(const World& world, const OccupiedCubes* static_map, double time_li
     : world_(world), static_map_(static_map), time_limit_s_(time_limit_s) {
   if (!(time_limit_s > 0.0))
     throw std::invalid_argument("time_limit_s: " + text_of(time_limit_s) + " must be positive");
-  for (const WorldRobot& robot : world.robots) verdicts_.emplace_back().id = robot.id;
+  for (const WorldRobot& robot : world.robots) {
+    verdicts_.emplace_back().id = robot.id;
+    missions_.push_back(mission_of(robot));
+  }
   rest_since_s_.resize(world.robots.size());
+  away_s_.resize(world.robots.size());
 }
 
 void Judge::update(double t_s, std::span<const MotionState> robots) {
@@ -65,7 +69,10 @@ void Judge::update(double t_s, std::span<const MotionState> robots) {
   const bool first = previous_.empty();
   const double step_s = first ? 0.0 : t_s - t_s_;
   t_s_ = t_s;
-  if (first) std::ranges::fill(rest_since_s_, t_s);
+  if (first) {
+    std::ranges::fill(rest_since_s_, t_s);
+    std::ranges::fill(away_s_, t_s);
+  }
   for (std::size_t i = 0; i < robots.size(); ++i) {
     if (first) previous_.push_back(robots[i]);
     follow(i, robots[i], step_s);
@@ -89,8 +96,21 @@ void Judge::follow(std::size_t i, const MotionState& state, double step_s) {
   verdict.max_acceleration_mps2 = verdict.max_acceleration_mps2.cwiseMax(state.acceleration.cwiseAbs());
   const double speed_mps = state.velocity.norm();
   if (speed_mps >= kAtRest_mps) rest_since_s_[i] = t_s_;
-  const double to_goal_m = (state.position - world_.robots[i].goal).norm();
-  if (!verdict.flight_time_s && to_goal_m <= kArrived_m && speed_mps < kArrived_mps) verdict.flight_time_s = t_s_;
+  if (!verdict.flight_time_s) judge_mission(i, state);
+}
+
+void Judge::judge_mission(std::size_t i, const MotionState& state) {
+  RobotVerdict& verdict = verdicts_[i];
+  const auto next = static_cast<std::size_t>(verdict.goals_reached);
+  const Waypoint& goal = missions_[i][next];
+  const bool is_last = next + 1 == missions_[i].size();
+  const bool is_there = (state.position - goal.position).norm() <= goal.tolerance_m;
+  (is_there ? rest_since_s_ : away_s_)[i] = t_s_;  // waiting there is no deadlock
+  const bool has_waited = is_there && t_s_ - away_s_[i] >= to_seconds(goal.wait);
+  if (!has_waited || (is_last && state.velocity.norm() >= kArrived_mps)) return;
+  ++verdict.goals_reached;
+  away_s_[i] = t_s_;
+  if (is_last) verdict.flight_time_s = t_s_;
 }
 
 void Judge::note(std::size_t i, Counterpart counterpart, int other, double distance_m, Clearance* clearance) {

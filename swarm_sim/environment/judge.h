@@ -45,7 +45,10 @@ struct Clearance {
 
 struct RobotVerdict {
   int id = 0;
-  std::optional<double> flight_time_s;  // until it first was within 0.1 m of its goal, slower than 0.2 m/s
+  int goals_reached = 0;  // of its mission, in their order
+  // Until it first was as near to its last goal as its mission says (0.1 m), slower than 0.2 m/s, had reached all
+  // others and waited at each.
+  std::optional<double> flight_time_s;
   Clearance to_obstacles, to_robots;
   Clearance to_static_map;  // known up to kStaticReach_m
   double path_length_m = 0.0;
@@ -76,6 +79,7 @@ class Judge {
  private:
   bool all_arrived() const;
   void follow(std::size_t i, const MotionState& state, double step_s);
+  void judge_mission(std::size_t i, const MotionState& state);
   void judge_obstacles(std::span<const MotionState> robots);
   void judge_static_map(std::size_t i, const Eigen::Vector3d& position);
   void judge_robots(std::span<const MotionState> robots);
@@ -89,6 +93,8 @@ class Judge {
   std::vector<Touch> touches_;
   std::vector<MotionState> previous_;  // empty before the first update
   std::vector<double> rest_since_s_;   // per robot: since when it is nearly at rest
+  std::vector<Mission> missions_;      // per robot
+  std::vector<double> away_s_;         // per robot: when it last was not at its next goal
 };
 
 }  // namespace swarm

@@ -39,6 +39,7 @@ ordered_json to_json(const RobotReport& robot) {
   }
   return {{"id", verdict.id},
           {"flight_time", verdict.flight_time_s ? ordered_json(*verdict.flight_time_s) : ordered_json()},
+          {"goals_reached", verdict.goals_reached},
           {"unreachable", robot.is_unreachable},
           {"clearance",
            {{"obstacles", to_json(verdict.to_obstacles)},

@@ -81,6 +81,13 @@ bool WorldObstacle::operator==(const WorldObstacle& other) const {
          center == other.center && velocity_mps == other.velocity_mps && track == other.track && bounds == other.bounds;
 }
 
+Mission mission_of(const WorldRobot& robot) {
+  if (!robot.mission.empty()) return robot.mission;
+  Waypoint goal;
+  goal.position = robot.goal;
+  return {goal};
+}
+
 std::optional<ObstacleState> state_at(const WorldObstacle& obstacle, const World& world, double t_s) {
   ObstacleState state;
   state.position = obstacle.center;
@@ -117,6 +124,11 @@ void check_world(const World& world) {
       fail(robot_key(i, "id"), std::to_string(robot.id), "must be in [0, " + std::to_string(kMaxRobotId) + "]");
     if (!inside(robot.start, world.space)) fail(robot_key(i, "start"), text_of(robot.start), "must be inside space");
     if (!inside(robot.goal, world.space)) fail(robot_key(i, "goal"), text_of(robot.goal), "must be inside space");
+    for (std::size_t k = 0; k < robot.mission.size(); ++k) {
+      const Eigen::Vector3d& place = robot.mission[k].position;
+      const std::string key = "goals[" + std::to_string(k) + "].position";
+      if (!inside(place, world.space)) fail(robot_key(i, key.c_str()), text_of(place), "must be inside space");
+    }
     for (std::size_t j = 0; j < i; ++j) check_pair(world, i, j);
     check_start(world, i);
   }

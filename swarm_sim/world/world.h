@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "map_daemon/obstacle.h"
+#include "planner_daemon/trajectory/mission.h"
 
 namespace swarm {
 
@@ -46,13 +47,14 @@ struct RobotLimits {
   bool operator==(const RobotLimits&) const = default;
 };
 
-// A sphere that shall fly from start to goal, W [m].
+// A sphere that shall fly from start to goal, W [m], where it has a mission by way of that: then the goal is its end.
 struct WorldRobot {
   int id = 0;
   Eigen::Vector3d start = Eigen::Vector3d::Zero();
   Eigen::Vector3d goal = Eigen::Vector3d::Zero();
   double radius_m = 0.2;
   std::optional<RobotLimits> limits = std::nullopt;  // none: the world's
+  Mission mission = {};                              // empty: straight to the goal
   bool operator==(const WorldRobot&) const = default;
 };
 
@@ -92,6 +94,9 @@ inline RobotLimits limits_of(const World& world, const WorldRobot& robot) {
   return robot.limits.value_or(world.limits);
 }
 
+// Never empty.
+Mission mission_of(const WorldRobot& robot);
+
 struct ObstacleState {
   Eigen::Vector3d position = Eigen::Vector3d::Zero();  // of the shape's centre, W [m]
   Eigen::Vector3d velocity = Eigen::Vector3d::Zero();  // W [m/s]; after the turn where it just turns
@@ -101,8 +106,8 @@ struct ObstacleState {
 std::optional<ObstacleState> state_at(const WorldObstacle& obstacle, const World& world, double t_s);
 
 // Checks what concerns several values at once: 1..60 robots with unique ids in [0, 99], starts and goals inside space
-// (the border included) and apart from each other, starts clear of the obstacles at t = 0, moving obstacles inside
-// their bounds, track times increasing. Throws WorldError.
+// (the border included), starts and last goals apart from each other, starts clear of the obstacles at t = 0, moving
+// obstacles inside their bounds, track times increasing. Throws WorldError.
 void check_world(const World& world);
 
 // Throws WorldError where a robot's start touches the static map.

@@ -5,6 +5,7 @@
 #include <iterator>
 #include <numbers>
 
+#include "lcmtypes/bus/limits.h"
 #include "swarm_sim/world/json_value.h"
 
 namespace swarm {
@@ -35,12 +36,31 @@ RobotLimits read_limits(const JsonValue& value) {
   return limits;
 }
 
+Waypoint read_waypoint(const JsonValue& value) {
+  value.expect_keys({"position", "tolerance", "speed", "wait"});
+  Waypoint waypoint;
+  waypoint.position = value.at("position").numbers(3, -kFar_m, kFar_m);
+  if (const auto tolerance = value.find("tolerance"))
+    waypoint.tolerance_m = tolerance->number(0.0, kMaxTolerance_m, kPositive);
+  if (const auto speed = value.find("speed")) waypoint.speed_mps = speed->number(kLeastSpeed_mps, kFast_mps);
+  if (const auto wait = value.find("wait")) waypoint.wait = to_duration(wait->number(0.0, kMaxWait_s));
+  return waypoint;
+}
+
 WorldRobot read_robot(const JsonValue& value) {
-  value.expect_keys({"id", "start", "goal", "radius", "limits"});
+  value.expect_keys({"id", "start", "goal", "goals", "radius", "limits"});
   WorldRobot robot;
   robot.id = value.at("id").integer(0, kMaxRobotId);
   robot.start = value.at("start").numbers(3, -kFar_m, kFar_m);
-  robot.goal = value.at("goal").numbers(3, -kFar_m, kFar_m);
+  if (const auto goals = value.find("goals")) {
+    if (const auto goal = value.find("goal")) goal->fail("absent where there are goals");
+    const std::vector<JsonValue> items = goals->items();
+    if (items.empty() || items.size() > kMaxThen + 1) goals->fail("an array of 1 to 1000 goals");
+    for (const JsonValue& item : items) robot.mission.push_back(read_waypoint(item));
+    robot.goal = robot.mission.back().position;
+  } else {
+    robot.goal = value.at("goal").numbers(3, -kFar_m, kFar_m);
+  }
   robot.radius_m = value.at("radius").number(0.0, 10.0, kPositive);
   if (const auto limits = value.find("limits")) robot.limits = read_limits(*limits);
   return robot;
@@ -155,9 +175,20 @@ ordered_json to_json(const RobotLimits& limits) {
   return {{"speed", limits.speed_mps}, {"acceleration", limits.acceleration_mps2}};
 }
 
+ordered_json to_json(const Waypoint& waypoint) {
+  ordered_json json{{"position", array(waypoint.position)}};
+  const Waypoint usual;
+  if (waypoint.tolerance_m != usual.tolerance_m) json["tolerance"] = waypoint.tolerance_m;
+  if (waypoint.speed_mps != usual.speed_mps) json["speed"] = waypoint.speed_mps;
+  if (waypoint.wait != usual.wait) json["wait"] = to_seconds(waypoint.wait);
+  return json;
+}
+
 ordered_json to_json(const WorldRobot& robot) {
-  ordered_json json{
-      {"id", robot.id}, {"start", array(robot.start)}, {"goal", array(robot.goal)}, {"radius", robot.radius_m}};
+  ordered_json json{{"id", robot.id}, {"start", array(robot.start)}};
+  if (robot.mission.empty()) json["goal"] = array(robot.goal);
+  for (const Waypoint& waypoint : robot.mission) json["goals"].push_back(to_json(waypoint));
+  json["radius"] = robot.radius_m;
   if (robot.limits) json["limits"] = to_json(*robot.limits);
   return json;
 }

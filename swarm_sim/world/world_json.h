@@ -7,6 +7,7 @@
 //    "sensing_radius": 5.0,                                    optional: 5
 //    "static_map": "map.bt",                                   optional: none; OctoMap file, relative to the world file
 //    "robots": [{"id": 0, "start": [-8,0,1], "goal": [8,0,1], "radius": 0.2}],
+//         or "goals": [{"position": [0,0,1], "tolerance": 0.5, "speed": 1.0, "wait": 2.0}, {"position": [8,0,1]}]
 //    "obstacles": [
 //     {"shape": "column", "center": [1,2], "diameter": 0.8, "height": 4, "velocity": [0.3,-0.2]},
 //     {"shape": "ring", "center": [0,3,1.2], "radius": 1.5, "width": 0.1, "yaw": 0.4, "velocity": [0.1,0.6]},

@@ -59,6 +59,13 @@ void expect_range(Access access, Number low, Number high, const char* name) {
 
 TEST(Validate, Ranges) {
   EXPECT_RANGE(goal_t, position[2], -1e5, 1e5);
+  EXPECT_RANGE(goal_t, tolerance, 0.0, 1000.0);
+  EXPECT_RANGE(goal_t, speed, 0.05, 100.0);
+  EXPECT_RANGE(goal_t, wait, 0.0, 86400.0);
+  EXPECT_RANGE(goal_t, then[1].position[0], -1e5, 1e5);
+  EXPECT_RANGE(goal_t, then[1].tolerance, 0.0, 1000.0);
+  EXPECT_RANGE(goal_t, then[1].speed, 0.05, 100.0);
+  EXPECT_RANGE(goal_t, then[0].wait, 0.0, 86400.0);
   EXPECT_RANGE(robot_state_t, position[0], -1e5, 1e5);
   EXPECT_RANGE(robot_state_t, velocity[1], -100.0, 100.0);
   EXPECT_RANGE(robot_state_t, yaw, -kPi, kPi);

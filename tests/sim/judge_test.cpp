@@ -245,6 +245,36 @@ TEST(Judge, ArrivalNeedsNearnessAndLowSpeed) {
   EXPECT_FALSE(arrives(0.0, 0.2));
 }
 
+TEST(Judge, AMissionIsFlownInItsOrderAndWithItsWaits) {
+  World world = one_robot();
+  world.robots[0].mission = {{{1, 0, 0}, 0.2, 1.0, 500ms}, {{2, 0, 0}, 0.5}, {{4, 0, 0}}};
+  const auto arrives = [&](double wait_s, double aside_m) {
+    Judge judge(world, nullptr);
+    double t_s = 0.0, x = 4.0;  // the last one first: that does not count
+    const auto go = [&](double to, double y, double rest_s) {
+      for (x = to, rest_s += t_s; t_s < rest_s; t_s += kStep_s) judge.update(t_s, std::vector{at({x, y, 0})});
+    };
+    for (const double to : {4.0, 2.0}) go(to, 0.0, 0.1);
+    EXPECT_EQ(judge.robots()[0].goals_reached, 0);
+    go(1.19, 0.0, wait_s);
+    go(2.0, aside_m, 0.1);
+    EXPECT_EQ(judge.outcome(), Outcome::kTimeout);
+    go(4.0, 0.0, 0.1);
+    return judge.robots()[0].flight_time_s.has_value();
+  };
+  EXPECT_TRUE(arrives(0.52, 0.49));
+  EXPECT_FALSE(arrives(0.48, 0.49));
+  EXPECT_FALSE(arrives(0.52, 0.51));
+}
+
+TEST(Judge, WaitingAtAGoalIsNoDeadlock) {
+  World world = one_robot();
+  world.robots[0].mission = {{{0, 0, 0}, 0.1, 1.0, 60s}, {{4, 0, 0}}};
+  Judge judge(world, nullptr, 10.0);
+  for (int k = 0; !judge.finished(); ++k) judge.update(k * kStep_s, std::vector{at({0, 0, 0})});
+  EXPECT_EQ(judge.outcome(), Outcome::kTimeout);
+}
+
 TEST(Judge, FirstArrivalCountsAndTheFlightEndsTwoSecondsAfterTheLast) {
   World world = one_robot();
   world.robots.push_back({9, {0, 2, 0}, {4, 2, 0}, 0.2});

@@ -67,7 +67,8 @@ World circle(int robots, double radius_m, int obstacles, std::uint64_t seed) {
 // Continuous, within the limits, from start to goal.
 void expect_flyable(const Flight& flight) {
   const auto trace = read_trace(flight.directory / "trace.csv");
-  const double v_max_mps = 1.01 * flight.world.limits.speed_mps, a_max_mps2 = 1.01 * flight.world.limits.acceleration_mps2;
+  const double v_max_mps = 1.01 * flight.world.limits.speed_mps,
+               a_max_mps2 = 1.01 * flight.world.limits.acceleration_mps2;
   ASSERT_EQ(trace.size(), flight.world.robots.size());
   for (const WorldRobot& robot : flight.world.robots) {
     const std::vector<Row>& rows = trace.at(robot.id);
@@ -299,6 +300,31 @@ TEST(Lockstep, TimeLimitEndsTheRun) {
   EXPECT_NEAR(flight.report.duration_s, 1.0, 1e-9);
   EXPECT_FALSE(flight.report.robots[0].verdict.flight_time_s);
   EXPECT_GT(flight.report.robots[0].verdict.path_length_m, 0.5);  // on its way
+}
+
+// Two cross each other's ways, slower where they shall be, and wait where they shall wait.
+TEST(Lockstep, MissionsAreFlownFromGoalToGoal) {
+  World world = circle(2, 2.0, 0, 1);
+  world.robots[0].mission = {{{0, 1.5, 1}, 0.3, 0.5}, {{0, -1.5, 2}, 0.1, 2.0, 1s}, {world.robots[0].goal}};
+  world.robots[1].mission = {{{0, -1.5, 1}, 0.3}, {{0, 1.5, 2}, 0.5}, {world.robots[1].goal, 0.2, 0.8}};
+  const Flight flight(world);
+  EXPECT_EQ(flight.report.outcome, Outcome::kSuccess) << summary_table(flight.report);
+  expect_flyable(flight);
+  const auto trace = read_trace(flight.directory / "trace.csv");
+  for (const WorldRobot& robot : world.robots) {
+    EXPECT_EQ(flight.report.robots[static_cast<std::size_t>(robot.id)].verdict.goals_reached, 3);
+    MissionProgress progress;
+    progress.fly(robot.mission);
+    double waited_s = 0.0;
+    for (const Row& row : trace.at(robot.id)) {
+      progress.pass(Utime() + to_duration(row.t_s), {row.position, row.velocity, row.acceleration});
+      EXPECT_LE(row.velocity.cwiseAbs().maxCoeff(), 1.01 * progress.waypoint().speed_mps) << row.t_s << " s";
+      const bool is_there = (row.position - robot.mission[1].position).norm() <= robot.mission[1].tolerance_m;
+      waited_s += progress.index() == 1 && is_there ? 0.01 : 0.0;
+    }
+    EXPECT_GE(waited_s + 0.02, to_seconds(robot.mission[1].wait));
+    EXPECT_LE(waited_s, to_seconds(robot.mission[1].wait) + 0.5) << "it goes on";
+  }
 }
 
 TEST(Lockstep, RobotsThatNeverHearEachOtherEndInADeadlock) {

@@ -204,10 +204,22 @@ TEST(WorldJson, RefusesBadInputWithOneClearLine) {
        "robots[1].goal: [8,0.1,1] must be at least the sum of radii from robots[0]"},
       {"\"start\": [8,1,1]", "\"start\": [8.001,1,1]", "robots[1].start: [8.001,1,1] must be inside space"},
       {"\"goal\": [-8,1,1.0]", "\"goal\": [-8,1,4.1]", "robots[1].goal: [-8,1,4.1] must be inside space"},
+      {"\"goal\": [-8,1,1.0]", "\"goals\": []", "robots[1].goals: [] must be an array of 1 to 1000 goals"},
+      {"\"goal\": [-8,1,1.0]", "\"goal\": [-8,1,1], \"goals\": []",
+       "robots[1].goal: [-8,1,1] must be absent where there are goals"},
+      {"\"goal\": [-8,1,1.0]", R"("goals": [{"position": [-8,1,4.1]}, {"position": [-8,1,1]}])",
+       "robots[1].goals[0].position: [-8,1,4.1] must be inside space"},
+      {"\"goal\": [-8,1,1.0]", R"("goals": [{"position": [-8,1,1], "speed": 0.01}])",
+       "robots[1].goals[0].speed: 0.01 must be a number in [0.05, 100]"},
+      {"\"goal\": [-8,1,1.0]", R"("goals": [{"position": [-8,1,1], "tolerance": 0}])",
+       "robots[1].goals[0].tolerance: 0 must be a number in (0, 1000]"},
+      {"\"goal\": [-8,1,1.0]", R"("goals": [{"position": [-8,1,1], "wait": -1}])",
+       "robots[1].goals[0].wait: -1 must be a number in [0, 86400]"},
+      {"\"goal\": [-8,1,1.0]", "\"goals\": [[-8,1,1]]", "robots[1].goals[0]: [-8,1,1] must be an object"},
       {"\"start\": [8,1,1]", "\"start\": [1.5,2,1]", "robots[1].start: [1.5,2,1] must not touch obstacles[0] at t = 0"},
       {"\"start\": [8,1,1]", "\"start\": [8,1,null]", "robots[1].start[2]: null must be a number in [-10000, 10000]"},
       {"\"start\": [8,1,1]", "\"begin\": [8,1,1]",
-       "robots[1]: \"begin\" is an unknown key; known are id, start, goal, radius, limits"},
+       "robots[1]: \"begin\" is an unknown key; known are id, start, goal, goals, radius, limits"},
       {"\"shape\": \"column\"", "\"shape\": \"cone\"",
        "obstacles[0].shape: \"cone\" must be one of column, ring, box, sphere"},
       {"\"diameter\": 0.8", "\"diameter\": -0.8", "obstacles[0].diameter: -0.8 must be a number in (0, 1000]"},
@@ -242,6 +254,21 @@ TEST(WorldJson, RefusesBadInputWithOneClearLine) {
     EXPECT_EQ(syntax ? error.substr(0, 22) : error, "w.json: " + bad.error) << bad.from << " -> " << bad.to;
     EXPECT_EQ(error.find('\n'), std::string::npos) << error;
   }
+}
+
+TEST(WorldJson, AMissionEndsAtTheGoal) {
+  const World world = parse_world(
+      replaced(
+          "\"goal\": [-8,1,1.0]",
+          R"("goals": [{"position": [1,1,2], "tolerance": 0.5, "speed": 1.5, "wait": 2.5}, {"position": [-8,1,1]}])"),
+      "w.json", "");
+  EXPECT_EQ(world.robots[1].goal, Eigen::Vector3d(-8, 1, 1));
+  const Mission mission = mission_of(world.robots[1]);
+  ASSERT_EQ(mission.size(), 2u);
+  EXPECT_EQ(mission[0], (Waypoint{{1, 1, 2}, 0.5, 1.5, 2500ms}));
+  EXPECT_EQ(mission[1], (Waypoint{{-8, 1, 1}}));
+  EXPECT_EQ(mission_of(world.robots[0]), (Mission{Waypoint{{8, 0, 1}}}));
+  EXPECT_EQ(parse_world(to_json_text(world, ""), "w.json", ""), world);
 }
 
 TEST(WorldJson, BordersAndTouchingAreAllowed) {

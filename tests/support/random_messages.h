@@ -109,8 +109,18 @@ inline void make(Random& random, int elements, corridors_t* m) {
     m->faces.push_back(face);
   }
 }
-inline void make(Random& random, int, goal_t* m) {
+template <class Place>
+void make_place(Random& random, Place* m) {
   fill(random, -1e5, 1e5, m->position);
+  m->tolerance = real(random, 0, 1000);
+  m->speed = integer(random, 0, 1) == 0 ? 0.0 : real(random, 0.05, 100);
+  m->wait = real(random, 0, 86400);
+}
+inline void make(Random& random, int elements, goal_t* m) {
+  make_place(random, m);
+  m->num_then = std::min(elements, 999);
+  m->then.resize(static_cast<std::size_t>(m->num_then));
+  for (waypoint_t& waypoint : m->then) make_place(random, &waypoint);
 }
 inline void make(Random& random, int, map_status_t* m) {
   m->state = static_cast<std::int16_t>(integer(random, 0, 2));
@@ -148,7 +158,7 @@ inline void make(Random& random, int elements, obstacles_t* m) {
 inline void make(Random& random, int, planner_status_t* m) {
   m->state = static_cast<std::int16_t>(integer(random, 0, 5));
   m->outcome = static_cast<std::int16_t>(integer(random, 0, 2));
-  m->plans = m->missed = m->expansions = integer(random, 0, 1 << 30);
+  m->plans = m->missed = m->expansions = m->waypoint = integer(random, 0, 1 << 30);
   for (float* value :
        {&m->rate_hz, &m->compose_ms, &m->search_ms, &m->corridor_ms, &m->optimize_ms, &m->check_ms, &m->total_ms}) {
     *value = static_cast<float>(real(random, 0, 1e3));
@@ -218,7 +228,8 @@ void each_real(corridors_t& m, F f) {
 }
 template <class F>
 void each_real(goal_t& m, F f) {
-  each(f, m.position);
+  each(f, m.position, m.tolerance, m.speed, m.wait);
+  for (waypoint_t& w : m.then) each(f, w.position, w.tolerance, w.speed, w.wait);
 }
 template <class F>
 void each_real(map_status_t& m, F f) {

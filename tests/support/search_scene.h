@@ -45,7 +45,12 @@ struct Scene {
     space.compose(occupied, {}, {});
   }
   SearchProblem problem(const MotionState& start, Utime start_utime, const Eigen::Vector3d& goal) const {
-    return {start, start_utime, goal, &space};
+    SearchProblem problem;
+    problem.start = start;
+    problem.start_utime = start_utime;
+    problem.goal = goal;
+    problem.space = &space;
+    return problem;
   }
   Sogm occupied, blocked, recently_occupied, inflation, emergency, collision;
   mutable ConfigurationSpace space;  // works itself out while it is looked at

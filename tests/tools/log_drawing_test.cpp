@@ -95,9 +95,8 @@ TEST(LogDrawing, ScenesHoldTrajectoriesAndGoal) {
   Canvas canvas;
   const Trajectory committed = flight(1, {0, 0, 1}, {2, 0, 1}), pending = flight(2, {0, 0, 1}, {0, 3, 1});
   canvas.drawing.add(kStart, announcement_of(2, 1, kStart, committed, pending));
-  goal_t goal{};
+  goal_t goal = to_goal({{{0, 7, 0}}, {{1, 2, 3}}});
   goal.header = make_header(2, 1, 1, kStart);
-  goal.position[1] = 7.0;
   canvas.drawing.add(kStart, goal);
   Json scene = canvas.newest("/robot2/scene");
   const Json* const body = entity_of(scene, "robot");
@@ -118,7 +117,10 @@ TEST(LogDrawing, ScenesHoldTrajectoriesAndGoal) {
   }
   EXPECT_LT((*entity_of(scene, "pending"))["lines"][0]["color"]["a"],
             (*entity_of(scene, "committed"))["lines"][0]["color"]["a"]);
-  EXPECT_EQ(point_of((*entity_of(scene, "goal"))["cubes"][0]["pose"]["position"]), Eigen::Vector3d(0, 7, 0));
+  const auto goals = (*entity_of(scene, "goal"))["cubes"];
+  ASSERT_EQ(goals.size(), 2u);
+  EXPECT_EQ(point_of(goals[0]["pose"]["position"]), Eigen::Vector3d(0, 7, 0));
+  EXPECT_EQ(point_of(goals[1]["pose"]["position"]), Eigen::Vector3d(1, 2, 3));
   EXPECT_TRUE(scene["deletions"].empty());
 
   // What is no longer pending goes.

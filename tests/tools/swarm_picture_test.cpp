@@ -1,6 +1,7 @@
 #include "tools/viewer/swarm_picture.h"
 
 #include "lcmtypes/bus/channels.h"
+#include "planner_daemon/trajectory/mission.h"
 #include "tests/support/harness.h"
 #include "tests/support/random_messages.h"
 #include "tools/viewer/picture_frame.h"
@@ -107,6 +108,23 @@ TEST_F(Picture, RefusesWhatItCannotRead) {
     EXPECT_EQ(add(channel::kRobotState, state_at(id, {0, 0, 1}, 1, now_)), expected) << id;
   }
   EXPECT_EQ(picture_.robots().size(), SwarmPicture::kMaxRobots);
+}
+
+TEST_F(Picture, ShowsTheWaypointThatIsFlownTo) {
+  goal_t goal = to_goal({{{1, 0, 0}}, {{2, 0, 0}}});
+  planner_status_t status{};
+  const auto next_x = [&](int waypoint, int seq) {
+    status.header = make_header(0, 1, seq, now_);
+    status.waypoint = waypoint;
+    add(channel::kPlannerStatus, status);
+    return picture_.robots().at(0).next_goal()->x();
+  };
+  goal.header = make_header(0, 1, 1, now_);
+  add(channel::kGoal, goal);
+  EXPECT_EQ(picture_.robots().at(0).next_goal()->x(), 1.0);
+  EXPECT_EQ(next_x(1, 1), 2.0);
+  EXPECT_EQ(next_x(0, 2), 1.0);
+  EXPECT_EQ(next_x(5, 3), 2.0) << "of a longer mission that was not heard";
 }
 
 TEST_F(Picture, SurvivesAnyValidMessage) {

@@ -113,10 +113,12 @@ void LogDrawing::draw_scene(Utime utime, int id, Robot* robot) {
         line_of(*trajectory, committed ? kCommitted_m : kPending_m, color_of(id, committed ? 0.9 : 0.4)));
     entities.push_back(std::move(entity));
   }
-  if (robot->goal) {
+  if (!robot->mission.empty()) {
     Json entity = foxglove::entity(utime, "goal");
-    entity["cubes"].push_back(
-        foxglove::cube({*robot->goal, 0.0}, Eigen::Vector3d::Constant(kGoal_m), color_of(id, 0.6)));
+    for (const Waypoint& waypoint : robot->mission) {
+      entity["cubes"].push_back(
+          foxglove::cube({waypoint.position, 0.0}, Eigen::Vector3d::Constant(kGoal_m), color_of(id, 0.6)));
+    }
     entities.push_back(std::move(entity));
   }
   sink_({topic_of(id, "scene"), foxglove::kSceneUpdate, foxglove::scene(std::move(entities), std::move(deletions))});
@@ -146,7 +148,7 @@ void LogDrawing::add(Utime utime, const announcement_t& m) {
 
 void LogDrawing::add(Utime utime, const goal_t& m) {
   Robot& robot = robots_[m.header.robot_id];
-  robot.goal = vector_of(m.position);
+  robot.mission = mission_of(m);
   draw_scene(utime, m.header.robot_id, &robot);
 }
 

@@ -12,6 +12,7 @@
 #include "lcmtypes/bus/codec.h"
 #include "lcmtypes/bus/recurring.h"
 #include "map_daemon/sogm_codec.h"
+#include "planner_daemon/trajectory/mission.h"
 #include "planner_daemon/trajectory/trajectory.h"
 #include "tools/logs/sogm_surface.h"
 
@@ -29,7 +30,7 @@ struct DrawingOptions {
 
 // Each scene holds everything of its topic, so that a viewer that starts anywhere needs the newest one alone.
 //   /tf                    FrameTransforms: from "world" to "robot<K>", position and yaw
-//   /robot<K>/scene        SceneUpdate: the robot's sphere, its trajectories (the pending one fainter), its goal; when
+//   /robot<K>/scene        SceneUpdate: the robot's sphere, its trajectories (the pending one fainter), its goals; when
 //                          any of it changes, and with announcements every 0.1 s
 //   /robot<K>/obstacles    SceneUpdate: columns, rings, boxes and spheres where they are at the message's time
 //   /robot<K>/obstacle_voxels  SceneUpdate: the cubes of each set, for 1 s; one set a message
@@ -57,8 +58,9 @@ class LogDrawing {
 
  private:
   struct Robot {
-    std::optional<Eigen::Vector3d> position, goal;  // W [m], newest
-    bool has_frame = false;                         // its state was heard
+    std::optional<Eigen::Vector3d> position;  // W [m], newest
+    Mission mission;                          // newest
+    bool has_frame = false;                   // its state was heard
     std::optional<float> radius_m;
     Trajectory committed, pending;  // newest; pending may be empty
     SequenceGate announcements;

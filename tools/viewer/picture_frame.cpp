@@ -65,8 +65,8 @@ const char* name_of(const std::array<const char*, size>& names, int value) {
 }
 
 Json planner_json(const planner_status_t& status) {
-  static constexpr std::array kStates = {"planning", "no map",            "stale map",
-                                         "no goal",  "nothing committed", "no way to the goal"};
+  static constexpr std::array kStates = {"planning",          "no map", "stale map", "no goal", "nothing committed",
+                                         "no way to the goal"};
   static constexpr std::array kOutcomes = {"smooth", "raw", "unsafe"};
   return {{"state", name_of(kStates, status.state)},
           {"outcome", name_of(kOutcomes, status.outcome)},
@@ -141,7 +141,7 @@ Json robots_json(const SwarmPicture& picture, Utime now, FrameWriter* writer) {
     if (robot.radius_m > 0.0) json["radius"] = rounded(robot.radius_m);
     if (const auto position = robot.position(now)) json["position"] = vector_json(*position);
     if (robot.state) json["yaw"] = rounded(robot.state->yaw);
-    if (robot.goal) json["goal"] = vector_json(robot.goal->position);
+    if (const auto goal = robot.next_goal()) json["goal"] = vector_json(*goal);
     if (!robot.motion.committed.empty()) {
       json["speed"] = rounded(robot.motion.at(now).velocity.norm());
       json["announcement_age_s"] = rounded(robot.announcements.age_s(now));

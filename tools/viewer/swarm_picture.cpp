@@ -51,6 +51,13 @@ std::optional<Eigen::Vector3d> RobotPicture::position(Utime now) const {
   return state ? std::optional(Eigen::Vector3d(state->position)) : std::nullopt;
 }
 
+// What the planner says and which goal was heard last may not belong together for a moment.
+std::optional<Eigen::Vector3d> RobotPicture::next_goal() const {
+  if (!goal) return {};
+  const int waypoint = std::clamp(planner ? planner->waypoint : 0, 0, goal->num_then);
+  return Eigen::Vector3d(waypoint == 0 ? goal->position : goal->then[static_cast<std::size_t>(waypoint) - 1].position);
+}
+
 void RobotPicture::keep(Utime now, const announcement_t& message) {
   if (!announcements.is_news(now, message.header)) return;  // it came another way as well
   announcements.count(now, message.header);

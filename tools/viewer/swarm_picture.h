@@ -57,6 +57,8 @@ struct RobotPicture {
 
   // Where it is: measured, or else by what it flies. Nothing: not known.
   std::optional<Eigen::Vector3d> position(Utime now) const;
+  // Where it flies to next, of its goals. Nothing: not known.
+  std::optional<Eigen::Vector3d> next_goal() const;
 
  private:
   friend class SwarmPicture;

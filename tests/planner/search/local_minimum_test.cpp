@@ -42,6 +42,17 @@ TEST(LocalMinimum, WhoeverComesNoNearerIsLed) {
   EXPECT_FALSE(on_its_way.is_led_within(10s, false, [](double t) { return 40.0 - 2 * t; }));
 }
 
+// At a tenth of a metre a second nobody comes 0.3 m nearer in 2.5 s.
+TEST(LocalMinimum, WhoeverMayOnlyFlySlowlyIsNotStuck) {
+  for (const double speed_mps : {0.05, 0.1, 0.5, 2.0}) {
+    LocalMinimum local_minimum;
+    for (Utime now = kStart; now < kStart + 20s; now += 50ms) {
+      const double way_m = 40.0 - 0.9 * speed_mps * to_seconds(now - kStart);
+      ASSERT_FALSE(local_minimum.leads(now, kGoal, way_m, false, speed_mps)) << speed_mps;
+    }
+  }
+}
+
 // Something has closed the way: it is another one now.
 TEST(LocalMinimum, ALongerWayIsAnotherWay) {
   Robot robot;

@@ -103,7 +103,7 @@ TEST(PrimitivesTest, SamplesLieAtMostAVoxelApart) {
     Primitives primitives(limits, SearchOptions{});
     for (const double resolution_m : {0.1, 0.2, 0.3}) {
       primitives.lay_out(empty_map({0.3, 0.3, 64 * resolution_m}, resolution_m, 1, kStart, 100ms).geometry,
-                         {limits.space_min, limits.space_max});
+                         {limits.space_min, limits.space_max}, limits.v_max_mps);
       ASSERT_EQ(primitives.num_samples() % kBlockSamples, 0);
       ASSERT_LE(primitives.num_samples(), kMaxSamples);
       for (int trial = 0; trial < 200; ++trial) {
