@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "lcmtypes/bus/channels.h"
+#include "lcmtypes/bus/text.h"
 
 namespace swarm {
 
@@ -17,6 +18,7 @@ namespace {
 constexpr Duration kMaxAge = 1s;  // of messages
 constexpr Duration kStatusPeriod = 1s;
 constexpr std::size_t kMaxVoxelObstacles = 256;
+constexpr double kReaction_s = 0.5, kBesides_m = 0.5;  // before a robot brakes; its own size, and what it keeps off
 
 Eigen::Vector3d to_vector(const double (&v)[3]) {
   return {v[0], v[1], v[2]};
@@ -72,13 +74,22 @@ int MapConfig::num_frames() const {
   return static_cast<int>(std::lround(horizon_s / frame_s));
 }
 
+Eigen::Vector3d MapConfig::window_m() const {
+  const double stop_m = kBesides_m + v_max_mps * kReaction_s + v_max_mps * v_max_mps / (2 * a_max_mps2);
+  return least_window_m.cwiseMax(Eigen::Vector3d(2 * stop_m, 2 * stop_m, 0.0));
+}
+
 Eigen::Vector3i MapConfig::voxels() const {
-  return (window_m.array() / resolution_m - 1e-6).ceil().max(1.0).matrix().cast<int>();
+  return (window_m().array() / resolution_m - 1e-6).ceil().max(1.0).matrix().cast<int>();
 }
 
 void declare(OptionSet& options, MapConfig& config) {
   options.add("robot-id", &config.robot_id, 0, 32767, "", "this robot");
-  options.add("window", &config.window_m, 0.1, 1000, "m", "edges of the mapped window, centred at the robot");
+  options.add("window", &config.least_window_m, 0.1, 1000, "m",
+              "edges of the mapped window, centred at the robot; wider where the limits need that");
+  options.add("v-max", &config.v_max_mps, 0.01, 100, "m/s",
+              "speed limit per axis: the robot must be able to stop in the window");
+  options.add("a-max", &config.a_max_mps2, 0.01, 1000, "m/s^2", "acceleration limit per axis");
   options.add("resolution", &config.resolution_m, 0.01, 1, "m", "voxel edge");
   options.add("frame", &config.frame_s, 0.001, 10, "s", "duration of one frame");
   options.add("horizon", &config.horizon_s, 0.001, 1280, "s", "length of the prediction, a whole number of frames");
@@ -94,20 +105,24 @@ void declare(OptionSet& options, MapConfig& config) {
 }
 
 void verify(const MapConfig& config) {
+  // What is to be set otherwise.
+  const bool is_wished = config.window_m() == config.least_window_m;
+  const std::string name =
+      is_wished ? "window" : "v-max: stopping takes a window of " + text_of(config.window_m()) + " m";
   for (int axis = 0; axis < 3; ++axis) {
-    const double edges = config.window_m[axis] / config.resolution_m;
-    require(edges <= kMaxVoxelsPerAxis, "window: ", edges, " voxels of --resolution ", config.resolution_m, " m along ",
+    const double edges = config.window_m()[axis] / config.resolution_m;
+    require(edges <= kMaxVoxelsPerAxis, name, ": ", edges, " voxels of --resolution ", config.resolution_m, " m along ",
             "xyz"[axis], "; at most ", kMaxVoxelsPerAxis);
   }
   const double voxels = config.voxels().cast<double>().prod();
-  require(voxels <= kMaxVoxelsPerFrame, "window: ", voxels, " voxels; at most ", kMaxVoxelsPerFrame);
+  require(voxels <= kMaxVoxelsPerFrame, name, ": ", voxels, " voxels; at most ", kMaxVoxelsPerFrame);
   const double frames = config.horizon_s / config.frame_s;
   require(std::abs(frames - std::round(frames)) <= 1e-6 * frames && frames > 0.5 && frames < kMaxMapFrames + 0.5,
           "horizon: ", config.horizon_s, " s are ", frames, " frames of --frame ", config.frame_s,
           " s; must be a whole number within [1, ", kMaxMapFrames, "]");
   const std::int64_t bytes =
       map_bytes({.resolution_m = config.resolution_m, .size = config.voxels()}, config.num_frames());
-  require(bytes <= kMaxMapBytes, "window: ", bytes, " bytes over the horizon; at most ", kMaxMapBytes);
+  require(bytes <= kMaxMapBytes, name, ": ", bytes, " bytes over the horizon; at most ", kMaxMapBytes);
   require(config.max_rate_hz >= config.min_rate_hz, "max-rate: ", config.max_rate_hz, " Hz; must be at least min-rate ",
           config.min_rate_hz, " Hz");
 }

@@ -23,11 +23,12 @@ namespace swarm {
 
 struct MapConfig {
   int robot_id = 0;
-  Eigen::Vector3d window_m{10, 10, 4};  // edges of the window, centred at the robot
-  double resolution_m = 0.1;            // voxel edge
-  double frame_s = 0.1;                 // duration of one frame
-  double horizon_s = 2.0;               // a whole number of frames
-  std::string static_map;               // OctoMap file; empty: none
+  Eigen::Vector3d least_window_m{10, 10, 4};  // edges of the window, centred at the robot
+  double resolution_m = 0.1;                  // voxel edge
+  double frame_s = 0.1;                       // duration of one frame
+  double horizon_s = 2.0;                     // a whole number of frames
+  double v_max_mps = 2.0, a_max_mps2 = 6.0;   // of the robot, per axis: it must be able to stop inside the window
+  std::string static_map;                     // OctoMap file; empty: none
   double margin_m = 0.05;           // voxels whose centres come this close to an obstacle are occupied: half a voxel
   double growth_mps = 0.0;          // the margin grows by this per second of prediction
   double max_rate_hz = 30.0;        // of maps; faster than obstacles arrive, or maps wait for their turn
@@ -37,7 +38,8 @@ struct MapConfig {
   double clock_limit_s = 0.1;       // messages from further in the future are refused
 
   int num_frames() const;
-  Eigen::Vector3i voxels() const;  // of the window
+  Eigen::Vector3d window_m() const;  // the least one, sideways also what stopping takes
+  Eigen::Vector3i voxels() const;    // of the window
 };
 
 void declare(OptionSet& options, MapConfig& config);

@@ -15,6 +15,8 @@ MapConfig map_config(const World& world, const WorldRobot& robot, const FlightOp
   MapConfig config = options.map;
   config.robot_id = robot.id;
   config.static_map = world.static_map;
+  config.v_max_mps = limits_of(world, robot).speed_mps;
+  config.a_max_mps2 = limits_of(world, robot).acceleration_mps2;
   return config;
 }
 

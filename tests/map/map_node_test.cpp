@@ -481,9 +481,11 @@ TEST(MapConfig, RefusesWhatCannotWork) {
   EXPECT_EQ(complaint([](MapConfig&) {}), "");
   EXPECT_EQ(complaint([](MapConfig& c) { c.frame_s = 0.05; }), "");
   EXPECT_EQ(complaint([](MapConfig& c) { c.resolution_m = 0.15; }), "");  // 66.67 voxels: rounded up
-  expect_named("window", "2000", [](MapConfig& c) { c.window_m.x() = 200; });
-  expect_named("window", "at most", [](MapConfig& c) { c.window_m = {100, 100, 10}; });
-  expect_named("window", "bytes", [](MapConfig& c) { c.window_m = {100, 50, 6.4}; });
+  expect_named("window", "2000", [](MapConfig& c) { c.least_window_m.x() = 200; });
+  expect_named("window", "at most", [](MapConfig& c) { c.least_window_m = {100, 100, 10}; });
+  expect_named("window", "bytes", [](MapConfig& c) { c.least_window_m = {100, 50, 6.4}; });
+  expect_named("v-max", "voxels of --resolution", [](MapConfig& c) { c.v_max_mps = 30.0, c.a_max_mps2 = 3.0; });
+  expect_named("v-max", "bytes", [](MapConfig& c) { c.v_max_mps = 20.0, c.a_max_mps2 = 5.0; });
   expect_named("horizon", "6.66", [](MapConfig& c) { c.frame_s = 0.3; });
   expect_named("horizon", "200", [](MapConfig& c) { c.frame_s = 0.01; });
   expect_named("horizon", "0.05", [](MapConfig& c) { c.horizon_s = 0.05; });
@@ -491,6 +493,18 @@ TEST(MapConfig, RefusesWhatCannotWork) {
   MapConfig config;
   config.static_map = "no_such_map.bt";
   EXPECT_THROW(MapNode(config, 1), std::runtime_error);
+}
+
+// A robot at full speed comes to rest inside its window, half a second after it was told to.
+TEST(MapConfig, TheWindowFitsTheLimits) {
+  MapConfig config;
+  EXPECT_EQ(config.voxels(), Eigen::Vector3i(100, 100, 40));
+  config.v_max_mps = 6.0;  // 3 m to stop, 3 m until then, 0.5 m for itself
+  EXPECT_EQ(config.voxels(), Eigen::Vector3i(130, 130, 40));
+  config.a_max_mps2 = 1.0;
+  EXPECT_EQ(config.voxels(), Eigen::Vector3i(430, 430, 40));
+  config.least_window_m.x() = 50.0;
+  EXPECT_EQ(config.voxels(), Eigen::Vector3i(500, 430, 40));
 }
 
 TEST(MapConfig, DeclaredDefaultsAreTheStructs) {
