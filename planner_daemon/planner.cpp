@@ -8,6 +8,7 @@ namespace swarm {
 namespace {
 
 constexpr Duration kStaticHeuristicAge = 250ms, kSpaceTimeHeuristicAge = 75ms;
+constexpr Duration kAtGoalAge = 1s;  // of the static heuristic, which leads nowhere there
 constexpr double kAtGoal_m = 0.1;
 constexpr double kAhead_m = 1.0;  // of the static way that is followed out of a local minimum
 constexpr Duration kClearStep = 20ms;
@@ -150,7 +151,8 @@ bool Planner::is_slow(const PlanRequest& request) const {
 void Planner::build_heuristics(const PlanRequest& request) {
   const SearchLimits& limits = config_.limits;
   const double blocked_m = config_.space.blocked_m();
-  if (!static_key_.serves(request, kStaticHeuristicAge)) {  // what stands still changes slowly
+  const bool is_there = (reachable_.center - request.goal).norm() < kAtGoal_m;
+  if (!static_key_.serves(request, is_there ? kAtGoalAge : kStaticHeuristicAge)) {  // what stands still changes slowly
     const Occupancy standing = space_.compose_standing(*request.peers);
     if (!request.is_aside) {
       guidance_.reconsider(reachable_.center);
@@ -163,6 +165,8 @@ void Planner::build_heuristics(const PlanRequest& request) {
                               limits.space_max.z(), guidance);
     }
     static_key_ = cache_key(request);
+  } else {
+    guidance_.work();
   }
   space_time_heuristic_.build(space_.occupancy(), blocked_m, &static_heuristic_, reachable_, request.goal,
                               limits.space_min, limits.space_max);
@@ -188,8 +192,10 @@ std::optional<Eigen::Vector3d> Planner::place_ahead(const PlanRequest& request) 
 }
 
 SearchStatus Planner::search(const PlanRequest& request) {
-  guidance_.work();
-  if (is_slow(request)) build_heuristics(request);
+  if (is_slow(request))
+    build_heuristics(request);
+  else
+    guidance_.work();
   if (!request.is_aside) result_.is_unreachable = guidance_.is_unreachable(reachable_.center);
   const auto ahead = place_ahead(request);
   SearchProblem& problem = search_problem_;

@@ -8,11 +8,12 @@
 namespace swarm {
 namespace {
 
-constexpr int kTile = 8;          // columns along each edge of what stands still or not
-constexpr double kNear_m = 3.0;   // sensors see everything there
-constexpr double kSlack_m = 8.0;  // more than what must be held: it is laid out anew now and then only
-constexpr double kGoal_m = 40.0;  // goals farther from what is known wait until the robot comes closer
-constexpr int kStrip = 64;        // columns along x that are dilated at once: little workspace
+constexpr int kTile = 8;            // columns along each edge of what stands still or not
+constexpr double kNear_m = 3.0;     // sensors see everything there
+constexpr double kSlack_m = 8.0;    // more than what must be held: it is laid out anew now and then only
+constexpr double kSmall = 1 << 24;  // voxels of a flight space that is held as a whole
+constexpr double kGoal_m = 40.0;    // goals farther from what is known wait until the robot comes closer
+constexpr int kStrip = 64;          // columns along x that are dilated at once: little workspace
 
 // The first multiple of kTile at or after `voxel`.
 int tile_after(int voxel) {
@@ -97,7 +98,7 @@ bool GlobalMap::cover(const GridGeometry& window, const Eigen::Vector3d& goal) {
   if ((near.first.array() > near.last.array()).any()) return false;  // the robot is far outside the flight space
   const bool begins = occupied_.num_frames == 0;
   if (begins && tree_ != nullptr) file_.emplace(*tree_, options_.static_map, resolution_m, options_.margin_m);
-  Box box = near.grown(slack).cut(space);
+  Box box = space.voxels() <= kSmall ? space : near.grown(slack).cut(space);
   if (!begins) box = box_of(occupied_.geometry).united(box);
   if (begins && file_ && file_->geometry().size.x() > 0)
     box = box.united(box_of(file_->geometry()).grown(slack).cut(space));

@@ -1,5 +1,7 @@
 #include "planner_daemon/guidance/guidance.h"
 
+#include <utility>
+
 namespace swarm {
 namespace {
 
@@ -12,22 +14,26 @@ constexpr double kAtGoal = 1.5;  // voxels: a way that ends so near leads to the
 }  // namespace
 
 void Guidance::update(const Sogm& sogm, const Sogm& standing, const Eigen::Vector3d& goal) {
+  if (!std::exchange(has_worked_, false)) work();
   is_stale_ = map_.see(sogm, standing, goal) || is_stale_;
   const bool is_new = goal != goal_ || sogm.geometry.resolution_m != resolution_m_;
   if (is_new) {
     goal_ = goal;
     resolution_m_ = sogm.geometry.resolution_m;
     goal_voxel_ = lattice_voxel(goal, resolution_m_);
+    const Eigen::Vector3i& size = map_.blocked().geometry.size;
+    for (Field& field : fields_) {  // their memory at once: another goal takes its time in any case
+      if (field.front.size() != size) field.front.lay_out(size, kCell);
+    }
   }
-  if (map_.empty()) {
+  is_urgent_ = !map_.empty() && (is_new || is_urgent_);
+  if (is_new || map_.empty()) {
     empty_ = true;
     works_ = false;
-  } else if (is_new) {
-    empty_ = true;
+  }
+  if (is_new && is_urgent_) {
     begin();
     work_on(kAtOnce);
-  } else if (is_stale_ && !works_) {
-    begin();
   }
 }
 
@@ -41,7 +47,7 @@ bool Guidance::leads_from(const Eigen::Vector3d& place) const {
 }
 
 void Guidance::reconsider(const Eigen::Vector3d& place) {
-  if (!empty_ && !works_ && !leads_from(place) && map_.forget_seen()) is_stale_ = true;
+  if (!empty_ && !works_ && !is_stale_ && !leads_from(place) && map_.forget_seen()) is_stale_ = true;
 }
 
 bool Guidance::is_unreachable(const Eigen::Vector3d& place) const {
@@ -53,13 +59,18 @@ bool Guidance::is_unreachable(const Eigen::Vector3d& place) const {
 }
 
 void Guidance::work() {
-  if (works_) work_on(empty_ ? kUntilItServes : kEachTime);
+  has_worked_ = true;
+  if (works_) {
+    work_on(is_urgent_ ? kUntilItServes : kEachTime);
+  } else if (is_stale_ && !map_.empty()) {
+    begin();
+  }
 }
 
 void Guidance::work_on(std::int64_t words) {
   if (!fields_[static_cast<std::size_t>(1 - serves_)].front.advance(words)) return;
   serves_ = 1 - serves_;
-  works_ = empty_ = false;
+  works_ = empty_ = is_urgent_ = false;
 }
 
 // Where the goal lies outside what is known, the way leads there from the edge.
@@ -89,7 +100,7 @@ void Guidance::begin() {
 int Guidance::cost(const Eigen::Vector3i& voxel) const {
   const Field& field = fields_[static_cast<std::size_t>(serves_)];
   const Eigen::Vector3i at = voxel - field.grid.origin;
-  if (field.grid.contains(at)) return field.front.cost(at / kCell);
+  if (field.grid.contains(at)) return field.front.cost({at.x() / kCell, at.y() / kCell, at.z() / kCell});
   return map_.in_flight_space(voxel) ? straight_cost(voxel) : Wavefront::kUnreached;
 }
 

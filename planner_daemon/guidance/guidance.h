@@ -10,6 +10,7 @@ namespace swarm {
 
 class Guidance {
  public:
+  static constexpr int kCell = 2;           // voxels along each edge of what a cost is kept for
   static constexpr double kBeside_m = 0.8;  // so far from a goal that is blocked the way may end
 
   // Throws what GlobalMap throws.
@@ -19,7 +20,7 @@ class Guidance {
 
   // What stands still in the newest SOGM, see GlobalMap::see(). For another goal the ways are worked out at once, in a
   // map beyond some 10,000 m2 also in the next work()s, straight ones serving until then; when the map changed, bit by
-  // bit in work(), while those there are still serve.
+  // bit in work(), while those there are still serve. To be called now and then, with work() in between.
   void update(const Sogm& sogm, const Sogm& standing, const Eigen::Vector3d& goal);
   // Where no way leads from `place`, forgets what was seen: it may be gone since.
   void reconsider(const Eigen::Vector3d& place);
@@ -37,7 +38,6 @@ class Guidance {
   int straight_cost(const Eigen::Vector3i& voxel) const { return Wavefront::straight_cost(voxel - goal_voxel_); }
 
  private:
-  static constexpr int kCell = 2;  // voxels along each edge of what a cost is kept for
   struct Field {
     Wavefront front;
     GridGeometry grid;
@@ -55,6 +55,8 @@ class Guidance {
   std::array<Field, 2> fields_;
   int serves_ = 0;  // of fields_: complete
   bool empty_ = true, works_ = false, is_stale_ = false;
+  bool has_worked_ = true;  // since the newest update()
+  bool is_urgent_ = false;  // for another goal, and nothing serves
 };
 
 }  // namespace swarm

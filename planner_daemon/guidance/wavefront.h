@@ -37,8 +37,8 @@ class Wavefront {
 
   // The front starts at these voxels with such a cost: where they are open.
   void seed(int x, int y, int w, std::uint64_t bits, int cost);
-  // It starts at the goal; where that is closed, at the open voxels nearest to it, at most `beside` voxels away. Returns
-  // how far these are [voxels]; infinity: there are none.
+  // It starts at the goal; where that is closed, at the open voxels nearest to it, at most `beside` voxels away.
+  // Returns how far these are [voxels]; infinity: there are none.
   double seed_goal(const Eigen::Vector3i& goal, double beside);
   // It starts at the outermost voxels: cost_of(voxel), kUnreached or more where it does not.
   template <class CostOf>
@@ -50,6 +50,7 @@ class Wavefront {
   Cost cost(const Eigen::Vector3i& cell) const { return column(cell.x(), cell.y())[cell.z()]; }
   // The same of a column of cells, from z = 0 on.
   const Cost* column(int x, int y) const { return costs_.data() + (Eigen::Index{x} * cells_.y() + y) * cells_.z(); }
+  const Eigen::Vector3i& size() const { return size_; }  // voxels
   const Eigen::Vector3i& cells() const { return cells_; }
 
  private:

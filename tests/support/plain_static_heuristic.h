@@ -35,8 +35,19 @@ class PlainStaticHeuristic {
     goal_voxel = grid.voxel_of(goal);
     ways.seed_goal(goal_voxel, Guidance::kBeside_m / grid.resolution_m);
     ways.seed_edge([&](const Eigen::Vector3i& v) {
-      if (guidance != nullptr && !guidance->empty()) return guidance->cost(v + grid.origin);
-      return Wavefront::straight_cost(v - goal_voxel);
+      if (guidance == nullptr || guidance->empty()) return Wavefront::straight_cost(v - goal_voxel);
+      const int cost = guidance->cost(v + grid.origin);
+      const auto is_inside = [&](const Eigen::Vector3i& at) {
+        return at.x() > 0 && at.y() > 0 && at.x() < grid.size.x() - 1 && at.y() < grid.size.y() - 1;
+      };
+      if (!is_inside(v) || cost == Wavefront::kUnreached) return cost;
+      // Above and below: where the guided way goes on two voxels beside, it is found from there; else a little late.
+      for (const auto& [dx, dy] : {std::pair{2, 0}, {-2, 0}, {0, 2}, {0, -2}, {2, 2}, {2, -2}, {-2, 2}, {-2, -2}}) {
+        const Eigen::Vector3i next = v + Eigen::Vector3i(dx, dy, 0);
+        const int step = dx != 0 && dy != 0 ? 2 * Wavefront::kStraight + 2 : 2 * Wavefront::kStraight;
+        if (ways.contains(next) && guidance->cost(next + grid.origin) <= cost - step) return int{PlainWays::kNone};
+      }
+      return cost + 2 * Wavefront::kStraight;
     });
     ways.search();
   }
