@@ -58,28 +58,30 @@ void StaticHeuristic::build(const Occupancy& standing, double blocked_m, const E
     const Eigen::Vector3i place = at + grid.origin;
     return is_guided ? guidance->cost(place) : Wavefront::straight_cost(place - goal_);
   };
-  // Above and below, the front starts only where the guidance does not go on beside the voxel, in the window: many
-  // fewer seeds. Its cost is that of the best voxel of a cell: late seeds do not split the front as early ones would.
-  Eigen::Vector2i beside = {Guidance::kCell, 0};  // where it went on last
+  // Above and below, the front starts only where the way does not go on beside the voxel, in the window: many fewer
+  // seeds. A guided cost is that of the best voxel of a cell: late seeds do not split the front as early ones would.
+  const int stride = is_guided ? Guidance::kCell : 1, late = is_guided ? Guidance::kCell * Wavefront::kStraight : 0;
+  Eigen::Vector2i beside = {stride, 0};  // where it went on last
   const auto goes_on_beside = [&](const Eigen::Vector3i& at, int cost, const Eigen::Vector2i& step) {
     const Eigen::Vector3i next(at.x() + step.x(), at.y() + step.y(), at.z());
-    return next.x() >= 0 && next.y() >= 0 && next.x() < grid.size.x() && next.y() < grid.size.y() &&
-           guidance->cost(next + grid.origin) <= cost - Wavefront::straight_cost({step.x(), step.y(), 0});
+    const bool is_inside = next.x() >= 0 && next.y() >= 0 && next.x() < grid.size.x() && next.y() < grid.size.y();
+    if (!is_inside || cost_beyond(next) > cost - Wavefront::straight_cost({step.x(), step.y(), 0})) return false;
+    return is_guided || (front_.open(next.x(), next.y())[next.z() / 64] >> next.z() % 64 & 1) != 0;
   };
-  const auto guided_cost_above = [&](const Eigen::Vector3i& at) {
+  const auto cost_above = [&](const Eigen::Vector3i& at) {
     const int cost = cost_beyond(at);
     if (cost >= Wavefront::kUnreached || goes_on_beside(at, cost, beside)) return int{Wavefront::kUnreached};
     for (int k = 0; k < 9; ++k) {
-      const Eigen::Vector2i step(Guidance::kCell * (k / 3 - 1), Guidance::kCell * (k % 3 - 1));
+      const Eigen::Vector2i step(stride * (k / 3 - 1), stride * (k % 3 - 1));
       if (k == 4 || !goes_on_beside(at, cost, step)) continue;
       beside = step;
       return int{Wavefront::kUnreached};
     }
-    return cost + Guidance::kCell * Wavefront::kStraight;
+    return cost + late;
   };
   front_.seed_edge([&](const Eigen::Vector3i& at) {
     const bool is_side = at.x() == 0 || at.y() == 0 || at.x() == grid.size.x() - 1 || at.y() == grid.size.y() - 1;
-    return is_guided && !is_side ? guided_cost_above(at) : cost_beyond(at);
+    return is_side ? cost_beyond(at) : cost_above(at);
   });
   (void)front_.advance(std::numeric_limits<std::int64_t>::max());
   is_cut_off_ = front_.cost(size_ / 2) == Wavefront::kUnreached;
