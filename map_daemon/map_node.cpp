@@ -105,10 +105,9 @@ void declare(OptionSet& options, MapConfig& config) {
 }
 
 void verify(const MapConfig& config) {
-  // What is to be set otherwise.
-  const bool is_wished = config.window_m() == config.least_window_m;
+  const bool is_for_stopping = config.window_m() != config.least_window_m;
   const std::string name =
-      is_wished ? "window" : "v-max: stopping takes a window of " + text_of(config.window_m()) + " m";
+      is_for_stopping ? "v-max: stopping takes a window of " + text_of(config.window_m()) + " m" : "window";
   for (int axis = 0; axis < 3; ++axis) {
     const double edges = config.window_m()[axis] / config.resolution_m;
     require(edges <= kMaxVoxelsPerAxis, name, ": ", edges, " voxels of --resolution ", config.resolution_m, " m along ",

@@ -191,6 +191,17 @@ std::optional<Eigen::Vector3d> Planner::place_ahead(const PlanRequest& request) 
   return {};
 }
 
+std::optional<Eigen::Vector3d> Planner::refuge(const PlanRequest& request, const Eigen::Vector3d& a,
+                                               const Eigen::Vector3d& b, double apart_m) {
+  const SearchLimits& limits = config_.limits;
+  compose(request);
+  voxel_ways_key_ = {};
+  voxel_ways_.build(space_.compose_standing(*request.peers), config_.space.blocked_m(),
+                    request.own.at(request.own.end_utime()).position, limits.space_min.z(), limits.space_max.z(),
+                    nullptr);
+  return voxel_ways_.nearest_apart({limits.space_min, limits.space_max}, a, b, apart_m);
+}
+
 SearchStatus Planner::search(const PlanRequest& request) {
   if (is_slow(request))
     build_heuristics(request);

@@ -98,17 +98,10 @@ class Planner {
   bool is_stuck(Utime utime) const { return local_minimum_.is_stuck(utime); }
   // From here on that is told anew.
   void is_not_stuck(Utime utime) { local_minimum_.give_up(utime); }
-  // The nearest place to where the own motion ends that serves, past all that stands still; none: there is none, or
-  // nothing stands around.
-  template <class Serves>
-  std::optional<Eigen::Vector3d> refuge(const PlanRequest& request, const Serves& serves) {
-    compose(request);
-    voxel_ways_key_ = {};
-    voxel_ways_.build(space_.compose_standing(*request.peers), config_.space.blocked_m(),
-                      request.own.at(request.own.end_utime()).position, config_.limits.space_min.z(),
-                      config_.limits.space_max.z(), nullptr);
-    return voxel_ways_.nearest(serves);
-  }
+  // The place nearest to where the own motion ends, past all that stands still, that is farther than `apart_m` from the
+  // line from a to b, W [m]; none: there is none, or nothing stands around.
+  std::optional<Eigen::Vector3d> refuge(const PlanRequest& request, const Eigen::Vector3d& a, const Eigen::Vector3d& b,
+                                        double apart_m);
 
   // Of the newest plan, for benchmarks: what was searched, the path found, what was optimised.
   const SearchProblem& search_problem() const { return search_problem_; }

@@ -14,17 +14,11 @@ namespace {
 using sogm_swarm::announcement_t;
 using sogm_swarm::planner_status_t;
 
-constexpr Duration kBeside = 6s;                                 // that a robot waits beside the way of another
-constexpr double kHeadOn_m = 1.5, kBack_m = 6.0, kRoom_m = 0.2;  // so near they meet; so far behind, so far beside
-constexpr Duration kStays = 30s;                                 // that it waits for nobody who did not come
-constexpr double kPassed_m = 0.5;                                // beyond where they met
-constexpr double kAlone_m = 5.0;                                 // two so far from all others
 constexpr Duration kMaxAge = 1s;
 constexpr Duration kStatusPeriod = 1s;
 constexpr Duration kSilent = 500ms;   // a peer that was not heard for so long may have to step aside unseen
 constexpr Duration kUrgent = 1s;      // before an obstacle comes, a plan must begin to get out of its way
 constexpr Duration kGetAway = 600ms;  // and can begin at the latest
-constexpr double kApart_m = 0.5, kArrived_m = 0.1;
 
 }  // namespace
 
@@ -99,7 +93,8 @@ PlannerNode::PlannerNode(const PlannerNodeConfig& config, std::int32_t boot, Sto
       candidate_headers_(config.robot_id, boot),
       corridor_headers_(config.robot_id, boot),
       status_headers_(config.robot_id, boot),
-      plan_delays_{PlanDelay(config.lead_s), PlanDelay(config.lead_s)} {}
+      plan_delays_{PlanDelay(config.lead_s), PlanDelay(config.lead_s)},
+      give_way_(config.robot_id, config.planner) {}
 
 std::vector<Subscription> PlannerNode::subscriptions() const {
   return {{BusId::kOnboard, channel::kSogm},
@@ -183,6 +178,7 @@ Refusal PlannerNode::on_peer(Utime now, std::span<const std::uint8_t> bytes) {
   Peer& peer = peer_list_[entry.place];
   peer.motion = motion_of(message);
   peer.pending = pending_of(message);
+  peer.id = message.header.robot_id;
   peer.radius_m = message.radius;
   entry.heard = now;
   peer.space = space_of(peer.motion, peer.pending);
@@ -208,11 +204,8 @@ bool PlannerNode::on_clock_step(Utime, Duration step) {
   if (urgent_start_) *urgent_start_ += step;
   map_.start_utime += step;
   for (Peer& peer : peer_list_) shift(peer.motion, peer.pending);
-  for (auto& [id, entry] : peers_) {
-    entry.heard += step;
-    if (entry.stayed) *entry.stayed += step;
-  }
-  if (beside_) beside_->until += step;
+  for (auto& [id, entry] : peers_) entry.heard += step;
+  give_way_.shift(step);
   mission_.shift(step);
   return true;
 }
@@ -274,68 +267,6 @@ Utime PlannerNode::start_utime(Utime now, bool is_slow) {
   return *urgent_start_;
 }
 
-// From there every plan would be in the peer's way, and be refused for ever.
-std::optional<Eigen::Vector3d> PlannerNode::place_apart(Utime utime) const {
-  const Eigen::Vector3d place = own_->at(utime).position;
-  if (own_->end_utime() > utime || (place - request_.goal).norm() < kArrived_m) return {};
-  const double usual_m = config_.planner.space.blocked_m() + 0.5 * map_.geometry.resolution_m;
-  for (const Peer& peer : peer_list_) {
-    if (peer.motion.end_utime() > utime) continue;
-    const Eigen::Vector3d away = place - peer.motion.at(utime).position;
-    const double distance_m = away.norm();
-    if (distance_m < usual_m + peer.radius_m && distance_m > 0.0) return place + kApart_m / distance_m * away;
-  }
-  return {};
-}
-
-// Two alone, head on where only one fits through: whoever has the higher id goes back to a place beside the other's way
-// until that one has passed.
-std::optional<Eigen::Vector3d> PlannerNode::place_beside(Utime now) {
-  const Eigen::Vector3d place = own_->at(own_->end_utime()).position;
-  if (beside_) {
-    PeerEntry& entry = peers_.at(beside_->peer_id);
-    const Eigen::Vector3d peer = peer_list_[entry.place].motion.at(now).position;
-    const bool has_passed = (peer - beside_->met).dot(beside_->way) > kPassed_m;
-    if (!has_passed && now < beside_->until && beside_->until <= now + kBeside) return beside_->place;
-    if (!has_passed) entry.stayed = now;
-    beside_.reset();
-    planner_.is_not_stuck(now);
-  }
-  if (mission_.empty() || !planner_.is_stuck(request_.start_utime)) return {};
-  const auto is_near = [&](const Peer& peer) {
-    return (peer.motion.at(request_.start_utime).position - place).norm() < kAlone_m;
-  };
-  if (std::ranges::count_if(peer_list_, is_near) > 1) return {};  // the way beside would be another's way
-  for (const auto& [id, entry] : peers_) {
-    const Peer& peer = peer_list_[entry.place];
-    const Eigen::Vector3d from = peer.motion.at(request_.start_utime).position;
-    const double distance_m = (place - from).norm();
-    if (id > config_.robot_id || distance_m > kHeadOn_m || distance_m == 0.0) continue;
-    if (entry.stayed && now < *entry.stayed + kStays) continue;
-    const Eigen::Vector3d way = (place - from) / distance_m;
-    const double apart_m = config_.planner.space.blocked_m() + peer.radius_m + kRoom_m;
-    const SearchLimits& limits = config_.planner.limits;
-    const Eigen::AlignedBox3d space(limits.space_min, limits.space_max);
-    const auto refuge = planner_.refuge(request_, [&](const Eigen::Vector3d& at) {
-      const double along = std::clamp((at - from).dot(way), -kBack_m, kBack_m);
-      return space.contains(at) && (at - from - along * way).norm() > apart_m;
-    });
-    if (!refuge) continue;
-    beside_ = {*refuge, now + kBeside, id, place, way};
-    return refuge;
-  }
-  return {};
-}
-
-void PlannerNode::step_aside(Utime now, bool is_urgent) {
-  std::optional<Eigen::Vector3d> aside = place_apart(request_.start_utime);
-  if (!aside) aside = place_beside(now);
-  // A plan that must do without answers may meet others': it only steps aside.
-  if (is_urgent && commit_delay_.is_unanswered()) aside = own_->at(own_->end_utime()).position;
-  request_.is_aside = aside.has_value();
-  if (aside) request_.goal = *aside;
-}
-
 void PlannerNode::plan(Utime now, Outbox& outbox) {
   map_is_new_ = false;
   plan_.done(now);
@@ -355,7 +286,11 @@ void PlannerNode::plan(Utime now, Outbox& outbox) {
     peer_list_[entry.place].silent = now - entry.heard > kSilent;
   }
   request_.peers = &peer_list_;
-  step_aside(now, is_urgent);
+  std::optional<Eigen::Vector3d> aside = give_way_.place(now, request_, planner_);
+  // A plan that must do without answers may meet others': it only steps aside.
+  if (is_urgent && commit_delay_.is_unanswered()) aside = own_->at(own_->end_utime()).position;
+  request_.is_aside = aside.has_value();
+  request_.goal = aside.value_or(request_.goal);
   newest_ = &planner_.plan(request_);
 
   const double took_s = durations_count_ ? newest_->total_ms() / 1000.0 : 0.0;

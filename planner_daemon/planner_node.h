@@ -15,6 +15,7 @@
 #include "lcmtypes/bus/recurring.h"
 #include "map_daemon/sogm_codec.h"
 #include "planner_daemon/coordination/commit_delay.h"
+#include "planner_daemon/give_way.h"
 #include "planner_daemon/planner.h"
 #include "planner_daemon/trajectory/mission.h"
 
@@ -60,13 +61,6 @@ class PlannerNode : public Node {
   // When an obstacle comes within the clearance of what the robot is bound to; kNever: not until then.
   Utime touch_utime(Utime now, Utime until) const;
   Utime start_utime(Utime now, bool is_slow);  // of the next plan
-  // A place farther from a peer beside which the robot rests, closer than plans may pass; none: there is no such peer.
-  std::optional<Eigen::Vector3d> place_apart(Utime utime) const;
-  // A place beside the way of a peer with the right of way, which stands in each other's way with this robot; none:
-  // there is no such peer, or no such place.
-  std::optional<Eigen::Vector3d> place_beside(Utime now);
-  // To the request: another place than the goal to fly to, where that is better now.
-  void step_aside(Utime now, bool is_urgent);
   PlanDelay& delay_of(bool is_slow) { return plan_delays_[is_slow ? 1 : 0]; }
   void plan(Utime now, Outbox& outbox);
   void publish_corridors(Utime now, Outbox& outbox);
@@ -94,20 +88,13 @@ class PlannerNode : public Node {
   std::array<PlanDelay, 2> plan_delays_;  // of plans that are not slow, and of slow ones
   CommitDelay commit_delay_;
   MissionProgress mission_;
-  struct Beside {
-    Eigen::Vector3d place;
-    Utime until;
-    int peer_id;
-    Eigen::Vector3d met, way;  // where this robot met it, and where that one was heading
-  };
-  std::optional<Beside> beside_;         // of a peer's way: where this robot lets it pass
+  GiveWay give_way_;
   std::optional<Eigen::Vector3d> hold_;  // where it rested when planning began: the goal until there is one
   SequenceGate own_gate_, goal_gate_;
   struct PeerEntry {
     SequenceGate gate;
     std::size_t place;  // in peer_list_
     Utime heard{};
-    std::optional<Utime> stayed = {};  // it did not come, though this robot had made way until then
   };
   std::map<int, PeerEntry> peers_;
   std::vector<Peer> peer_list_;  // as heard, handed to the planner

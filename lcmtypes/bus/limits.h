@@ -22,7 +22,7 @@ inline constexpr int kMaxObstacleVoxels = sogm_swarm::obstacle_voxels_t::kMaxVox
 inline constexpr double kMaxObstacleSize_m = 1000.0;
 
 // Of a mission.
-inline constexpr int kMaxThen = sogm_swarm::goal_t::kMaxThen;  // goals after the first
+inline constexpr int kMaxWaypoints = sogm_swarm::goal_t::kMaxWaypoints;
 inline constexpr double kMaxTolerance_m = 1000.0, kLeastSpeed_mps = 0.05, kMaxWait_s = 86400.0;
 
 // Of a map.

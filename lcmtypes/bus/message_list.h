@@ -11,7 +11,7 @@
           SWARM_ARRAY(num_obstacles, obstacles, 94, kMaxTrackedObstacles))                                        \
   MESSAGE(obstacle_voxels_t, SWARM_ON(kObstacleVoxels, "OBSTACLE_VOXELS", kOnboard),                              \
           SWARM_ARRAY(num_voxels, voxels, 6, kMaxObstacleVoxels))                                                 \
-  MESSAGE(goal_t, SWARM_ON(kGoal, "GOAL", kOnboard), SWARM_ARRAY(num_then, then, 48, kMaxThen))                   \
+  MESSAGE(goal_t, SWARM_ON(kGoal, "GOAL", kOnboard), SWARM_ARRAY(num_waypoints, waypoints, 48, kMaxWaypoints))    \
   MESSAGE(sogm_t, SWARM_ON(kSogm, "SOGM", kOnboard), SWARM_ARRAY(num_bytes, packed, 1, kMaxPartBytes))            \
   MESSAGE(candidate_t, SWARM_ON(kCandidate, "CANDIDATE", kOnboard))                                               \
   MESSAGE(announcement_t,                                                                                         \

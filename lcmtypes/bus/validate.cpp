@@ -61,9 +61,7 @@ Refusal validate(const obstacle_t& m) {
                  std::all_of(m.size + sizes_used, m.size + 3, [](double size) { return size == 0.0; }));
 }
 
-// A goal, or a waypoint after it.
-template <class Place>
-bool place_ok(const Place& m) {
+bool waypoint_ok(const waypoint_t& m) {
   return all_within(m.position, kMaxPosition_m) && within(m.tolerance, 0.0, kMaxTolerance_m) &&
          (m.speed == 0.0 || within(m.speed, kLeastSpeed_mps, kMaxVelocity_mps)) && within(m.wait, 0.0, kMaxWait_s);
 }
@@ -126,7 +124,7 @@ Refusal validate(const corridors_t& m) {
 }
 
 Refusal validate(const goal_t& m) {
-  return verdict(place_ok(m) && std::all_of(m.then.begin(), m.then.end(), place_ok<waypoint_t>));
+  return verdict(m.num_waypoints >= 1 && std::all_of(m.waypoints.begin(), m.waypoints.end(), waypoint_ok));
 }
 
 Refusal validate(const robot_state_t& m) {

@@ -67,9 +67,9 @@ void SpaceTimeHeuristic::build(const Occupancy& occupancy, double blocked_m, con
   target_ = goal;
   rest_ = 0;
   if (static_heuristic != nullptr) {
-    if (const auto waypoint = static_heuristic->waypoint(reachable.center)) {
-      target_ = waypoint->position;
-      rest_ = StaticHeuristic::ticks_of(waypoint->cost, kTicksPerStep);
+    if (const auto subgoal = static_heuristic->subgoal(reachable.center)) {
+      target_ = subgoal->position;
+      rest_ = StaticHeuristic::ticks_of(subgoal->cost, kTicksPerStep);
     }
   }
   lay_out(*occupancy.sogm, goal, reachable.speed_mps);

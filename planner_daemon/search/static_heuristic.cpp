@@ -53,7 +53,14 @@ void StaticHeuristic::build(const Occupancy& standing, double blocked_m, const E
   }
   goal_ = lattice_voxel(goal, grid.resolution_m);
   (void)front_.seed_goal(goal_ - grid.origin, Guidance::kBeside_m / grid.resolution_m);
-  const bool is_guided = guidance != nullptr && !guidance->empty();
+  seed_edge(guidance != nullptr && !guidance->empty() ? guidance : nullptr);
+  (void)front_.advance(std::numeric_limits<std::int64_t>::max());
+  is_cut_off_ = front_.cost(size_ / 2) == Wavefront::kUnreached;
+}
+
+void StaticHeuristic::seed_edge(const Guidance* guidance) {
+  const GridGeometry& grid = grid_;
+  const bool is_guided = guidance != nullptr;
   const auto cost_beyond = [&](const Eigen::Vector3i& at) {
     const Eigen::Vector3i place = at + grid.origin;
     return is_guided ? guidance->cost(place) : Wavefront::straight_cost(place - goal_);
@@ -83,8 +90,31 @@ void StaticHeuristic::build(const Occupancy& standing, double blocked_m, const E
     const bool is_side = at.x() == 0 || at.y() == 0 || at.x() == grid.size.x() - 1 || at.y() == grid.size.y() - 1;
     return is_side ? cost_beyond(at) : cost_above(at);
   });
-  (void)front_.advance(std::numeric_limits<std::int64_t>::max());
-  is_cut_off_ = front_.cost(size_ / 2) == Wavefront::kUnreached;
+}
+
+std::optional<Eigen::Vector3d> StaticHeuristic::nearest_apart(const Eigen::AlignedBox3d& space,
+                                                              const Eigen::Vector3d& a, const Eigen::Vector3d& b,
+                                                              double apart_m) const {
+  if (empty_) return {};
+  const auto is_apart = [&](const Eigen::Vector3d& place) {
+    const double along = std::clamp((place - a).dot(b - a) / (b - a).squaredNorm(), 0.0, 1.0);
+    return (place - a - along * (b - a)).norm() > apart_m;
+  };
+  std::optional<Eigen::Vector3d> best;
+  int least = Wavefront::kUnreached;
+  for (int x = 0; x < size_.x(); ++x) {
+    for (int y = 0; y < size_.y(); ++y) {
+      for (int z = 0; z < size_.z(); ++z) {
+        const Eigen::Vector3d place = grid_.origin.cast<double>() * grid_.resolution_m +
+                                      (Eigen::Vector3d(x, y, z).array() + 0.5).matrix() * cell_m();
+        const int cost = front_.cost({x, y, z});
+        if (cost >= least || !is_open(grid_.voxel_of(place)) || !space.contains(place) || !is_apart(place)) continue;
+        least = cost;
+        best = place;
+      }
+    }
+  }
+  return best;
 }
 
 // Through cells that are not closed all through.
@@ -102,24 +132,24 @@ int StaticHeuristic::cost(const Eigen::Vector3d& place) const {
   return !empty_ && has_cell(cell) ? front_.cost(cell) : Wavefront::kUnreached;
 }
 
-std::optional<StaticHeuristic::Waypoint> StaticHeuristic::waypoint(const Eigen::Vector3d& place) const {
+std::optional<StaticHeuristic::Subgoal> StaticHeuristic::subgoal(const Eigen::Vector3d& place) const {
   if (empty_ || is_cut_off_) return {};
   const int straight = Wavefront::straight_cost(goal_ - grid_.origin - grid_.voxel_of(place));
   if (cost(place) - straight < Wavefront::kStraight * kDetour_m / grid_.resolution_m) return {};
   return descend(place, 0);
 }
 
-std::optional<StaticHeuristic::Waypoint> StaticHeuristic::ahead(const Eigen::Vector3d& place, double reach_m) const {
+std::optional<StaticHeuristic::Subgoal> StaticHeuristic::ahead(const Eigen::Vector3d& place, double reach_m) const {
   if (cost(place) == Wavefront::kUnreached) return {};
   return descend(place, cost(place) - static_cast<int>(Wavefront::kStraight * reach_m / grid_.resolution_m));
 }
 
 // From cell to cell: each but the cheapest has a cheaper neighbour. The level ones come first.
-std::optional<StaticHeuristic::Waypoint> StaticHeuristic::descend(const Eigen::Vector3d& place, int least) const {
+std::optional<StaticHeuristic::Subgoal> StaticHeuristic::descend(const Eigen::Vector3d& place, int least) const {
   const Eigen::Vector3d from = in_cells(place);
   Eigen::Vector3i cell = from.array().floor().matrix().cast<int>();
   if (!has_cell(cell)) return {};
-  std::optional<Waypoint> farthest;
+  std::optional<Subgoal> farthest;
   for (int cost = front_.cost(cell); cost > least;) {
     Eigen::Vector3i best = cell;
     for (const int dz : {0, -1, 1}) {
@@ -134,7 +164,7 @@ std::optional<StaticHeuristic::Waypoint> StaticHeuristic::descend(const Eigen::V
     cell = best;
     const Eigen::Vector3d middle = cell.cast<double>().array() + 0.5;
     if (farthest && !sees(from, middle)) break;  // the first one is near in any case
-    farthest = Waypoint{grid_.origin.cast<double>() * grid_.resolution_m + middle * cell_m(), cost};
+    farthest = Subgoal{grid_.origin.cast<double>() * grid_.resolution_m + middle * cell_m(), cost};
   }
   return farthest;
 }

@@ -47,19 +47,20 @@ class StaticHeuristic {
 
   // Where the way from `place` leads at first, when it is a detour of more than a metre: the last place on it that is
   // seen from there past all that stands still.
-  struct Waypoint {
+  struct Subgoal {
     Eigen::Vector3d position;  // W [m]
     int cost;                  // of Wavefront
   };
-  std::optional<Waypoint> waypoint(const Eigen::Vector3d& place) const;
+  std::optional<Subgoal> subgoal(const Eigen::Vector3d& place) const;
   // The last place on the way that is seen from `place`, at most `reach_m` of way ahead; none: there is no way, or it
   // is not known.
-  std::optional<Waypoint> ahead(const Eigen::Vector3d& place, double reach_m) const;
+  std::optional<Subgoal> ahead(const Eigen::Vector3d& place, double reach_m) const;
   // Of the way from `place` [Wavefront::Cost].
   int cost(const Eigen::Vector3d& place) const;
-  // The place from which the way to the goal is the shortest among those that serve; none: none does.
-  template <class Serves>
-  std::optional<Eigen::Vector3d> nearest(const Serves& serves) const;
+  // The place inside `space` from which the way to the goal is the shortest among those farther than `apart_m` from the
+  // line from a to b, W [m]; none: there is none.
+  std::optional<Eigen::Vector3d> nearest_apart(const Eigen::AlignedBox3d& space, const Eigen::Vector3d& a,
+                                               const Eigen::Vector3d& b, double apart_m) const;
 
   // Word `w` of the column of the lattice at (x, y), from the voxel `z` of the lattice on: what stands still is too
   // close to these voxels. 0 beyond the window and where the goal cannot be reached.
@@ -82,6 +83,8 @@ class StaticHeuristic {
   static int ticks_of(int cost, int per_cell) { return cost * per_cell / (kCellVoxels * Wavefront::kStraight); }
 
  private:
+  // From the outermost voxels on, where the way goes on: by the guidance, or straight (null).
+  void seed_edge(const Guidance* guidance);
   bool is_open(const Eigen::Vector3i& voxel) const {
     const Eigen::Index words = grid_.words_per_column();
     const Eigen::Index at = (Eigen::Index{voxel.x()} * grid_.size.y() + voxel.y()) * words + voxel.z() / 64;
@@ -97,7 +100,7 @@ class StaticHeuristic {
   }
   bool sees(const Eigen::Vector3d& from, const Eigen::Vector3d& to) const;  // in cells of the window
   // Down the costs from `place` to the last place that is seen from there, above the cost `least`.
-  std::optional<Waypoint> descend(const Eigen::Vector3d& place, int least) const;
+  std::optional<Subgoal> descend(const Eigen::Vector3d& place, int least) const;
 
   bool empty_ = true, is_cut_off_ = false;
   GridGeometry grid_;                               // the window
@@ -110,25 +113,5 @@ class StaticHeuristic {
   std::vector<std::uint64_t> inside_;   // of a column: within the flight space
   Wavefront front_;
 };
-
-template <class Serves>
-std::optional<Eigen::Vector3d> StaticHeuristic::nearest(const Serves& serves) const {
-  if (empty_) return {};
-  std::optional<Eigen::Vector3d> best;
-  int least = Wavefront::kUnreached;
-  for (int x = 0; x < size_.x(); ++x) {
-    for (int y = 0; y < size_.y(); ++y) {
-      const Wavefront::Cost* costs = front_.column(x, y);
-      for (int z = 0; z < size_.z(); ++z) {
-        const Eigen::Vector3d place = grid_.origin.cast<double>() * grid_.resolution_m +
-                                      (Eigen::Vector3d(x, y, z).array() + 0.5).matrix() * cell_m();
-        if (costs[z] >= least || !is_open(grid_.voxel_of(place)) || !serves(place)) continue;
-        least = costs[z];
-        best = place;
-      }
-    }
-  }
-  return best;
-}
 
 }  // namespace swarm

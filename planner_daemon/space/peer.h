@@ -14,6 +14,7 @@ struct Peer {
   bool silent = false;  // has not been heard for a while
   // Its centre stays within, whichever it flies, W [m]; peers elsewhere cost a look at this.
   Eigen::AlignedBox3d space{Eigen::Vector3d::Constant(-1e6), Eigen::Vector3d::Constant(1e6)};
+  int id = 0;
 };
 
 // For Peer::space: the hull of all pieces.

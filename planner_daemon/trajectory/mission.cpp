@@ -1,45 +1,31 @@
 #include "planner_daemon/trajectory/mission.h"
 
+#include <cmath>
 #include <utility>
 
-#include "sogm_swarm/waypoint_t.hpp"
-
 namespace swarm {
-namespace {
-
-// A goal message opens like a waypoint.
-template <class Place>
-Waypoint read(const Place& place) {
-  Waypoint waypoint;
-  waypoint.position = Eigen::Vector3d(place.position);
-  if (place.tolerance > 0.0) waypoint.tolerance_m = place.tolerance;
-  if (place.speed > 0.0) waypoint.speed_mps = place.speed;
-  waypoint.wait = to_duration(place.wait);
-  return waypoint;
-}
-
-template <class Place>
-void write(const Waypoint& waypoint, Place* place) {
-  Eigen::Map<Eigen::Vector3d>(place->position) = waypoint.position;
-  place->tolerance = waypoint.tolerance_m;
-  place->speed = waypoint.speed_mps < std::numeric_limits<double>::infinity() ? waypoint.speed_mps : 0.0;
-  place->wait = to_seconds(waypoint.wait);
-}
-
-}  // namespace
 
 Mission mission_of(const sogm_swarm::goal_t& message) {
-  Mission mission = {read(message)};
-  for (const sogm_swarm::waypoint_t& waypoint : message.then) mission.push_back(read(waypoint));
+  Mission mission;
+  for (const sogm_swarm::waypoint_t& place : message.waypoints) {
+    Waypoint& waypoint = mission.emplace_back(Waypoint{Eigen::Vector3d(place.position)});
+    if (place.tolerance > 0.0) waypoint.tolerance_m = place.tolerance;
+    if (place.speed > 0.0) waypoint.speed_mps = place.speed;
+    waypoint.wait = to_duration(place.wait);
+  }
   return mission;
 }
 
 sogm_swarm::goal_t to_goal(const Mission& mission) {
   sogm_swarm::goal_t message{};
-  write(mission.front(), &message);
-  message.num_then = static_cast<std::int32_t>(mission.size()) - 1;
-  message.then.resize(mission.size() - 1);
-  for (std::size_t i = 1; i < mission.size(); ++i) write(mission[i], &message.then[i - 1]);
+  for (const Waypoint& waypoint : mission) {
+    sogm_swarm::waypoint_t& place = message.waypoints.emplace_back();
+    Eigen::Map<Eigen::Vector3d>(place.position) = waypoint.position;
+    place.tolerance = waypoint.tolerance_m;
+    place.speed = std::isfinite(waypoint.speed_mps) ? waypoint.speed_mps : 0.0;
+    place.wait = to_seconds(waypoint.wait);
+  }
+  message.num_waypoints = static_cast<std::int32_t>(mission.size());
   return message;
 }
 

@@ -25,7 +25,7 @@ using Mission = std::vector<Waypoint>;
 
 // What a goal message asks for, from a message that passed decode(); never empty.
 Mission mission_of(const sogm_swarm::goal_t& message);
-// The message without its header, of 1 to 1 + kMaxThen waypoints.
+// The message without its header, of 1 to kMaxWaypoints waypoints.
 sogm_swarm::goal_t to_goal(const Mission& mission);
 
 // Where a robot is on its mission.

@@ -95,7 +95,7 @@ sogm_swarm::obstacles_t EnvironmentNode::obstacles(Utime own_time, double t_s) {
 }
 
 sogm_swarm::goal_t EnvironmentNode::goal(Utime own_time) {
-  sogm_swarm::goal_t message = to_goal(mission_of(simulation_.world().robots[index_]));
+  sogm_swarm::goal_t message = to_goal(simulation_.world().robots[index_].mission);
   message.header = goal_headers_.next(own_time);
   return message;
 }

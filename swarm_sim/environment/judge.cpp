@@ -51,10 +51,7 @@ Judge::Judge(const World& world, const OccupiedCubes* static_map, double time_li
     : world_(world), static_map_(static_map), time_limit_s_(time_limit_s) {
   if (!(time_limit_s > 0.0))
     throw std::invalid_argument("time_limit_s: " + text_of(time_limit_s) + " must be positive");
-  for (const WorldRobot& robot : world.robots) {
-    verdicts_.emplace_back().id = robot.id;
-    missions_.push_back(mission_of(robot));
-  }
+  for (const WorldRobot& robot : world.robots) verdicts_.emplace_back().id = robot.id;
   rest_since_s_.resize(world.robots.size());
   away_s_.resize(world.robots.size());
 }
@@ -102,8 +99,9 @@ void Judge::follow(std::size_t i, const MotionState& state, double step_s) {
 void Judge::judge_mission(std::size_t i, const MotionState& state) {
   RobotVerdict& verdict = verdicts_[i];
   const auto next = static_cast<std::size_t>(verdict.goals_reached);
-  const Waypoint& goal = missions_[i][next];
-  const bool is_last = next + 1 == missions_[i].size();
+  const Mission& mission = world_.robots[i].mission;
+  const Waypoint& goal = mission[next];
+  const bool is_last = next + 1 == mission.size();
   const bool is_there = (state.position - goal.position).norm() <= goal.tolerance_m;
   (is_there ? rest_since_s_ : away_s_)[i] = t_s_;  // waiting there is no deadlock
   const bool has_waited = is_there && t_s_ - away_s_[i] >= to_seconds(goal.wait);

@@ -93,7 +93,6 @@ class Judge {
   std::vector<Touch> touches_;
   std::vector<MotionState> previous_;  // empty before the first update
   std::vector<double> rest_since_s_;   // per robot: since when it is nearly at rest
-  std::vector<Mission> missions_;      // per robot
   std::vector<double> away_s_;         // per robot: when it last was not at its next goal
 };
 

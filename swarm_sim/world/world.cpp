@@ -24,7 +24,7 @@ Coordinate reflect(double start, double velocity, double low, double high, doubl
   return {high - (way - length), -velocity};
 }
 
-std::string robot_key(std::size_t i, const char* key) {
+std::string robot_key(std::size_t i, const std::string& key) {
   return "robots[" + std::to_string(i) + "]." + key;
 }
 
@@ -44,7 +44,7 @@ void check_pair(const World& world, std::size_t i, std::size_t j) {
   const double apart = a.radius_m + b.radius_m - kBorderTolerance_m;
   const std::string rule = "must be at least the sum of radii from robots[" + std::to_string(j) + "]";
   if ((a.start - b.start).norm() < apart) fail(robot_key(i, "start"), text_of(a.start), rule);
-  if ((a.goal - b.goal).norm() < apart) fail(robot_key(i, "goal"), text_of(a.goal), rule);
+  if ((a.goal() - b.goal()).norm() < apart) fail(robot_key(i, "goal"), text_of(a.goal()), rule);
 }
 
 void check_start(const World& world, std::size_t i) {
@@ -79,13 +79,6 @@ void check_motion(const World& world, std::size_t k) {
 bool WorldObstacle::operator==(const WorldObstacle& other) const {
   return shape.kind == other.shape.kind && shape.size == other.shape.size && shape.yaw_rad == other.shape.yaw_rad &&
          center == other.center && velocity_mps == other.velocity_mps && track == other.track && bounds == other.bounds;
-}
-
-Mission mission_of(const WorldRobot& robot) {
-  if (!robot.mission.empty()) return robot.mission;
-  Waypoint goal;
-  goal.position = robot.goal;
-  return {goal};
 }
 
 std::optional<ObstacleState> state_at(const WorldObstacle& obstacle, const World& world, double t_s) {
@@ -123,11 +116,10 @@ void check_world(const World& world) {
     if (robot.id < 0 || robot.id > kMaxRobotId)
       fail(robot_key(i, "id"), std::to_string(robot.id), "must be in [0, " + std::to_string(kMaxRobotId) + "]");
     if (!inside(robot.start, world.space)) fail(robot_key(i, "start"), text_of(robot.start), "must be inside space");
-    if (!inside(robot.goal, world.space)) fail(robot_key(i, "goal"), text_of(robot.goal), "must be inside space");
     for (std::size_t k = 0; k < robot.mission.size(); ++k) {
       const Eigen::Vector3d& place = robot.mission[k].position;
-      const std::string key = "goals[" + std::to_string(k) + "].position";
-      if (!inside(place, world.space)) fail(robot_key(i, key.c_str()), text_of(place), "must be inside space");
+      const std::string key = robot.has_one_goal() ? "goal" : "goals[" + std::to_string(k) + "].position";
+      if (!inside(place, world.space)) fail(robot_key(i, key), text_of(place), "must be inside space");
     }
     for (std::size_t j = 0; j < i; ++j) check_pair(world, i, j);
     check_start(world, i);

@@ -47,14 +47,17 @@ struct RobotLimits {
   bool operator==(const RobotLimits&) const = default;
 };
 
-// A sphere that shall fly from start to goal, W [m], where it has a mission by way of that: then the goal is its end.
+// A sphere that shall fly from its start to one place after the other, W [m].
 struct WorldRobot {
   int id = 0;
   Eigen::Vector3d start = Eigen::Vector3d::Zero();
-  Eigen::Vector3d goal = Eigen::Vector3d::Zero();
+  Mission mission = {{}};  // never empty
   double radius_m = 0.2;
   std::optional<RobotLimits> limits = std::nullopt;  // none: the world's
-  Mission mission = {};                              // empty: straight to the goal
+
+  const Eigen::Vector3d& goal() const { return mission.back().position; }
+  // Its mission is a place alone.
+  bool has_one_goal() const { return mission.size() == 1 && mission[0] == Waypoint{goal()}; }
   bool operator==(const WorldRobot&) const = default;
 };
 
@@ -93,9 +96,6 @@ struct World {
 inline RobotLimits limits_of(const World& world, const WorldRobot& robot) {
   return robot.limits.value_or(world.limits);
 }
-
-// Never empty.
-Mission mission_of(const WorldRobot& robot);
 
 struct ObstacleState {
   Eigen::Vector3d position = Eigen::Vector3d::Zero();  // of the shape's centre, W [m]

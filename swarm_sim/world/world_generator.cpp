@@ -38,7 +38,7 @@ class Random {
 };
 
 void add_robot(World* world, const Fleet& fleet, const Eigen::Vector3d& start, const Eigen::Vector3d& goal) {
-  world->robots.push_back({static_cast<int>(world->robots.size()), start, goal, fleet.robot_m});
+  world->robots.push_back({static_cast<int>(world->robots.size()), start, {{goal}}, fleet.robot_m});
 }
 // At the height of all tasks of the paper.
 void add_level_robot(World* world, const Fleet& fleet, const Eigen::Vector2d& start, const Eigen::Vector2d& goal) {

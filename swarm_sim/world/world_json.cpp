@@ -55,11 +55,11 @@ WorldRobot read_robot(const JsonValue& value) {
   if (const auto goals = value.find("goals")) {
     if (const auto goal = value.find("goal")) goal->fail("absent where there are goals");
     const std::vector<JsonValue> items = goals->items();
-    if (items.empty() || items.size() > kMaxThen + 1) goals->fail("an array of 1 to 1000 goals");
+    if (items.empty() || items.size() > kMaxWaypoints) goals->fail("an array of 1 to 1000 goals");
+    robot.mission.clear();
     for (const JsonValue& item : items) robot.mission.push_back(read_waypoint(item));
-    robot.goal = robot.mission.back().position;
   } else {
-    robot.goal = value.at("goal").numbers(3, -kFar_m, kFar_m);
+    robot.mission[0].position = value.at("goal").numbers(3, -kFar_m, kFar_m);
   }
   robot.radius_m = value.at("radius").number(0.0, 10.0, kPositive);
   if (const auto limits = value.find("limits")) robot.limits = read_limits(*limits);
@@ -186,8 +186,11 @@ ordered_json to_json(const Waypoint& waypoint) {
 
 ordered_json to_json(const WorldRobot& robot) {
   ordered_json json{{"id", robot.id}, {"start", array(robot.start)}};
-  if (robot.mission.empty()) json["goal"] = array(robot.goal);
-  for (const Waypoint& waypoint : robot.mission) json["goals"].push_back(to_json(waypoint));
+  if (robot.has_one_goal()) {
+    json["goal"] = array(robot.goal());
+  } else {
+    for (const Waypoint& waypoint : robot.mission) json["goals"].push_back(to_json(waypoint));
+  }
   json["radius"] = robot.radius_m;
   if (robot.limits) json["limits"] = to_json(*robot.limits);
   return json;

@@ -35,6 +35,8 @@ goal_t goal_of(Utime utime, int robot_id = 3, std::int64_t seq = 7) {
   goal.header.robot_id = static_cast<std::int16_t>(robot_id);
   goal.header.seq = seq;
   goal.header.utime = to_us(utime);
+  goal.num_waypoints = 1;
+  goal.waypoints.emplace_back();
   return goal;
 }
 
@@ -43,7 +45,7 @@ TEST(Receive, AsksForTheSenderThenTheTimeThenTheOrder) {
   Receiver receiver;
   EXPECT_EQ(receiver.hear(goal_of(kStart)), Refusal::kNone);
   EXPECT_EQ(receiver.asked, (Asked{"from", "order"}));
-  EXPECT_EQ(receiver.hear(goal_of(kStart), 1), Refusal::kSize);
+  EXPECT_EQ(receiver.hear(goal_of(kStart), 1), Refusal::kLength);
   EXPECT_EQ(receiver.asked, Asked());
   EXPECT_EQ(receiver.hear(goal_of(kStart + 100ms)), Refusal::kNone);
   EXPECT_EQ(receiver.hear(goal_of(kStart + 100'001us)), Refusal::kTime);

@@ -58,14 +58,10 @@ void expect_range(Access access, Number low, Number high, const char* name) {
       [](T & m) -> auto& { return m.field; }, low, high, #field)
 
 TEST(Validate, Ranges) {
-  EXPECT_RANGE(goal_t, position[2], -1e5, 1e5);
-  EXPECT_RANGE(goal_t, tolerance, 0.0, 1000.0);
-  EXPECT_RANGE(goal_t, speed, 0.05, 100.0);
-  EXPECT_RANGE(goal_t, wait, 0.0, 86400.0);
-  EXPECT_RANGE(goal_t, then[1].position[0], -1e5, 1e5);
-  EXPECT_RANGE(goal_t, then[1].tolerance, 0.0, 1000.0);
-  EXPECT_RANGE(goal_t, then[1].speed, 0.05, 100.0);
-  EXPECT_RANGE(goal_t, then[0].wait, 0.0, 86400.0);
+  EXPECT_RANGE(goal_t, waypoints[2].position[0], -1e5, 1e5);
+  EXPECT_RANGE(goal_t, waypoints[1].tolerance, 0.0, 1000.0);
+  EXPECT_RANGE(goal_t, waypoints[1].speed, 0.05, 100.0);
+  EXPECT_RANGE(goal_t, waypoints[0].wait, 0.0, 86400.0);
   EXPECT_RANGE(robot_state_t, position[0], -1e5, 1e5);
   EXPECT_RANGE(robot_state_t, velocity[1], -100.0, 100.0);
   EXPECT_RANGE(robot_state_t, yaw, -kPi, kPi);
@@ -220,6 +216,12 @@ TEST(Validate, ObstacleSizesBelongToTheShape) {
           << shape << ' ' << i;
     }
   }
+}
+
+TEST(Validate, AGoalHasAWaypoint) {
+  Judge<goal_t> judge;
+  EXPECT_EQ(judge([](goal_t& m) { m.waypoints.resize(static_cast<std::size_t>(m.num_waypoints = 1)); }), kGood);
+  EXPECT_EQ(judge([](goal_t& m) { m.waypoints.resize(static_cast<std::size_t>(m.num_waypoints = 0)); }), kValue);
 }
 
 TEST(Validate, CorridorNormalsHaveUnitLength) {

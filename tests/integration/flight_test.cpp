@@ -47,7 +47,7 @@ TEST(FlightTest, FliesRoomToRoomInARealBuilding) {
   world.space = {{-8.0, -7.5, 0.0}, {31.0, 7.5, 2.2}};
   world.static_map = map;
   const Eigen::Vector3d rooms[4] = {{0.5, 3.0, 1.3}, {-4.3, -2.6, 1.3}, {17.1, 3.0, 1.3}, {15.7, -2.8, 1.3}};
-  for (int id = 0; id < 4; ++id) world.robots.push_back({id, rooms[id], rooms[id ^ 1], 0.12});
+  for (int id = 0; id < 4; ++id) world.robots.push_back({id, rooms[id], {{rooms[id ^ 1]}}, 0.12});
   const OccupiedCubes cubes = OccupiedCubes::load(map);
   check_world(world);
   check_starts(world, cubes);

@@ -238,8 +238,8 @@ TEST(View, SendsGoalsOnlyWhenAllowed) {
       continue;
     }
     EXPECT_EQ(goals[0].header.robot_id, 0);
-    EXPECT_EQ(goals[0].position[0], 1.5);
-    EXPECT_EQ(goals[0].position[1], -2.0);
+    EXPECT_EQ(goals[0].waypoints[0].position[0], 1.5);
+    EXPECT_EQ(goals[0].waypoints[0].position[1], -2.0);
     int errors = 0;
     for (const char* bad :
          {R"({"goal": {"robot": 7, "position": [0, 0, 1]}})", R"({"goal": {"robot": 0, "position": [0, 0, 1e9]}})",

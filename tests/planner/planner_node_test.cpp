@@ -74,63 +74,6 @@ TEST(PlannerNode, KeepsFarFromSilentPeers) {
   EXPECT_GT(nearest[1], nearest[0] + 0.3);
 }
 
-// Two robots rest closer to each other than plans may pass: whoever wants to go on parts from the other first.
-TEST(PlannerNode, PartsFromAPeerThatRestsTooClose) {
-  const Eigen::Vector3d place(0.16, -0.35, 0.81);
-  for (const Eigen::Vector3d& goal : {Eigen::Vector3d(6, 0, 1), kHome}) {
-    Fixture f;
-    f.send_peer(7, Trajectory::hover(1, f.now - 1s, place));
-    f.send_own({Trajectory::hover(1, f.now - 1s, kHome), {}});
-    f.send_goal(goal);
-    f.send_map();
-    ASSERT_EQ(f.node.plans(), 1);
-    if (goal == kHome) {  // it has arrived: who wants to go on is the other
-      EXPECT_TRUE(f.out.count(channel::kCandidate) == 0 || (end_of(f.planned()) - kHome).norm() < 0.2);
-      continue;
-    }
-    const Trajectory plan = f.planned();
-    double before = (kHome - place).norm();
-    for (Utime t = plan.start_utime(); t < plan.end_utime(); t += 50ms) {
-      const double distance = (plan.at(t).position - place).norm();
-      EXPECT_GT(distance, std::min(before - 0.01, 0.8)) << "nearer, and nearer than plans may pass";
-      before = std::max(before, distance);
-    }
-    EXPECT_GT(before, 0.8);
-  }
-}
-
-// Head on in a tube where nobody can pass: the robot with the higher id goes back to a place beside the other's way,
-// and comes again when that one has passed.
-TEST(PlannerNode, LetsAPeerWithTheRightOfWayPassWhereOnlyOneFitsThrough) {
-  for (const int id : {1, 7}) {
-    PlannerNodeConfig config = Fixture::make_config();
-    config.planner.limits.space_min.z() = 0.8;
-    config.planner.limits.space_max.z() = 1.2;
-    Fixture f(config);
-    for (const double side : {-1.5, 0.5}) f.occupy({-1, side, -1}, {3, side + 1, 3});
-    Trajectory plan;
-    Eigen::Vector3d peer = kHome + Eigen::Vector3d(0.9, 0, 0);
-    const auto go_on = [&](double seconds) {  // the robot is held where it is
-      for (const Utime until = f.now + to_duration(seconds); f.now < until; f.run_for(0.05)) {
-        f.send_hover();
-        f.send_peer(id, Trajectory::hover(1, f.now, peer));
-        f.send_goal(kHome + Eigen::Vector3d(5, 0, 0));
-        f.send_map();
-        if (f.out.count(channel::kCandidate) > 0) plan = f.planned();
-      }
-    };
-    go_on(2.0);
-    EXPECT_TRUE(plan.empty() || (end_of(plan) - kHome).norm() < 0.5) << "nothing is to be done yet";
-    go_on(2.0);
-    const Eigen::Vector3d end = plan.empty() ? kHome : end_of(plan);
-    EXPECT_EQ(end.x() < kHome.x() - 0.5, id < kRobot) << end.transpose();
-    if (id > kRobot) continue;
-    peer = kHome + Eigen::Vector3d(-2.5, 0, 0);
-    go_on(0.5);
-    EXPECT_GT(end_of(plan).x(), kHome.x() + 0.5) << "it has passed";
-  }
-}
-
 TEST(PlannerNode, DoesNotPlanWithStaleMaps) {
   Fixture f;
   f.send_hover();
@@ -156,64 +99,6 @@ TEST(PlannerNode, FollowsTheGoal) {
   f.send_map();
   EXPECT_GT(end_of(f.planned()).x(), 2.0);
   EXPECT_EQ(f.node.plans(), 4);
-}
-
-// A mission of two: past the first without a stop, to the second more slowly; then the first one's repetition, and an
-// order to go to the second at another speed.
-TEST(PlannerNode, FliesMissions) {
-  Fixture f;
-  goal_t goal = to_goal({{{1, 0, 1}, 0.3}, {{3, 0, 1}, 0.1, 0.5}});
-  const auto send = [&](int seq) {
-    goal.header = make_header(kRobot, 1, seq, f.now);
-    f.send(channel::kGoal, goal);
-  };
-  const auto plan = [&](double x) {
-    f.send_own({Trajectory::hover(1, f.now, {x, 0, 1}), {}});
-    f.send_map();
-    double speed_mps = 0.0;
-    for (Utime t = f.planned().start_utime(); t < f.planned().end_utime(); t += 10ms)
-      speed_mps = std::max(speed_mps, f.planned().at(t).velocity.norm());
-    f.run_for(0.1);
-    return speed_mps;
-  };
-  send(1);
-  plan(0.0);
-  EXPECT_LT((end_of(f.planned()) - Eigen::Vector3d(1, 0, 1)).norm(), 0.05);
-  EXPECT_EQ(f.status().waypoint, 0);
-  const double slow_mps = plan(0.75);
-  EXPECT_GT(end_of(f.planned()).x(), 1.3);
-  EXPECT_LT(slow_mps, 0.505);
-  EXPECT_GT(slow_mps, 0.45);
-  EXPECT_EQ(f.status().waypoint, 1);
-  send(2);
-  EXPECT_LT(plan(0.75), 0.505);
-  EXPECT_EQ(f.status().waypoint, 1) << "the same mission again";
-  goal = to_goal({{{3, 0, 1}}});
-  send(3);
-  EXPECT_GT(plan(0.75), 1.0) << "what was looked ahead for 0.5 m/s does not serve any more";
-  EXPECT_EQ(f.status().waypoint, 0);
-}
-
-// Faster than it may be from now on: it brakes, and its plans are no emergencies.
-TEST(PlannerNode, BrakesToALowerSpeed) {
-  Fixture f;
-  MotionState from, to;
-  from.position = {-1, 0, 1}, from.velocity = {1.9, 0, 0};
-  to.position = {2, 0, 1};
-  Trajectory fast(1, f.now, 3s, 1);
-  fast.set_knot(0, from);
-  fast.set_knot(1, to);
-  goal_t goal = to_goal({{{4, 0, 1}, 0.1, 0.5}});
-  goal.header = make_header(kRobot, 1, 1, f.now);
-  f.send(channel::kGoal, goal);
-  f.send_own({fast, {}});
-  f.send_map();
-  const Trajectory plan = f.planned();
-  EXPECT_NE(f.status().outcome, planner_status_t::kUnsafe);
-  EXPECT_GT(plan.at(plan.start_utime()).velocity.x(), 1.5);
-  for (Utime t = plan.start_utime() + 900ms; t < plan.end_utime(); t += 10ms)
-    EXPECT_LT(plan.at(t).velocity.x(), 0.51) << to_seconds(t - plan.start_utime());
-  EXPECT_GT(plan.at(plan.start_utime() + 1s).velocity.x(), 0.2);
 }
 
 TEST(PlannerNode, WithoutAGoalItHoldsItsPlaceButStepsAside) {
@@ -369,9 +254,8 @@ TEST(PlannerNode, RefusalsAreCountedAndChangeNothing) {
     expect_refused(Refusal::kTime, channel, changed([](auto& m) { m.header.utime += 100'001; }));
   };
   const Trajectory elsewhere = Trajectory::hover(4, f.now, {0.5, 0.2, 1});
-  goal_t goal{};
+  goal_t goal = to_goal({{{-3, 0, 0}}});
   goal.header = make_header(kRobot, 1, 50, f.now);
-  goal.position[0] = -3;
   f.map.words.assign(f.map.words.size(), 0);
   f.occupy({0.4, -5, -1}, {0.6, 5, 3});
   const std::vector<sogm_t> wall = f.map_parts();
@@ -382,7 +266,7 @@ TEST(PlannerNode, RefusalsAreCountedAndChangeNothing) {
   refuse_each(channel::kPeerTrajectory, f.announcement(1, elsewhere, {}, 0), true, kRobot);
   goal.header.seq = 0;
   expect_refused(Refusal::kSequence, channel::kGoal, encoded(goal));
-  goal.position[0] = INFINITY;
+  goal.waypoints[0].position[0] = INFINITY;
   expect_refused(Refusal::kValue, channel::kGoal, encoded(goal));
   f.deliver(BusId::kOnboard, "OTHER", Bytes(100, 1));
 

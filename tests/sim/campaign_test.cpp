@@ -290,7 +290,7 @@ TEST(CampaignSuccess, NothingThinIsFlownThrough) {
     World world;
     world.name = "thin-" + std::to_string(k);
     world.obstacle_bounds = {{-7, -7}, {7, 7}};
-    world.robots = {{0, {-7.5, 0, 1}, {7.5, 0, 1}}, {1, {7.5, 0.5, 1.5}, {-7.5, 0.5, 1.2}}};
+    world.robots = {{0, {-7.5, 0, 1}, {{{7.5, 0, 1}}}}, {1, {7.5, 0.5, 1.5}, {{{-7.5, 0.5, 1.2}}}}};
     for (int i = 0; i < 40; ++i) {
       WorldObstacle thin;
       thin.center = {draw(-6, 6), draw(-1.5, 1.5), draw(0.3, 2.2)};

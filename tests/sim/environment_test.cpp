@@ -12,7 +12,7 @@ constexpr Duration kLatency = EnvironmentNode::kLatency;
 
 World two_robots() {
   World world;
-  world.robots = {{4, {-3, 0, 1}, {3, 0, 1}, 0.2}, {2, {3, 0, 1}, {-3, 0, 1}, 0.2}};
+  world.robots = {{4, {-3, 0, 1}, {{{3, 0, 1}}}, 0.2}, {2, {3, 0, 1}, {{{-3, 0, 1}}}, 0.2}};
   WorldObstacle& near = world.obstacles.emplace_back();
   near.shape.kind = Shape::Kind::kSphere;
   near.shape.size = {0.5, 0, 0};
@@ -54,7 +54,7 @@ TEST(Environment, SensorsSpeakAtTheirRatesAndOutOfPhase) {
     ASSERT_EQ(goals.size(), 2u);  // from the start on
     EXPECT_EQ(to_utime(goals[0].header.utime), kStart + 20ms);
     EXPECT_EQ(to_utime(goals[1].header.utime), kStart + 1020ms);
-    EXPECT_EQ(goals[0].position[0], world.robots[i].goal.x());
+    EXPECT_EQ(goals[0].waypoints[0].position[0], world.robots[i].goal().x());
   }
 }
 

@@ -23,7 +23,7 @@ MotionState at(const Eigen::Vector3d& position, const Eigen::Vector3d& velocity 
 // One robot of 0.2 m from the origin to (4, 0, 0) at 1 m/s, nothing else.
 World one_robot() {
   World world;
-  world.robots = {{5, {0, 0, 0}, {4, 0, 0}, 0.2}};
+  world.robots = {{5, {0, 0, 0}, {{{4, 0, 0}}}, 0.2}};
   return world;
 }
 
@@ -161,7 +161,7 @@ TEST(Judge, SurfacesThatJustTouchAreNoCollision) {
 
 TEST(Judge, RobotsTouchBelowTheSumOfRadii) {
   World world = one_robot();
-  world.robots.push_back({9, {0, 2, 0}, {4, 2, 0}, 0.3});
+  world.robots.push_back({9, {0, 2, 0}, {{{4, 2, 0}}}, 0.3});
   for (const auto& [gap, touches] : {std::pair{0.5, false}, {0.5 - 1e-6, true}, {0.5 + 1e-6, false}}) {
     Judge judge(world, nullptr);
     judge.update(0.0, std::vector{at({1, 1, 1}), at({1 + gap, 1, 1})});
@@ -174,7 +174,7 @@ TEST(Judge, RobotsTouchBelowTheSumOfRadii) {
 
 TEST(Judge, EveryPairIsToldOnceAtItsFirstTime) {
   World world = one_robot();
-  world.robots.push_back({9, {0, 2, 0}, {4, 2, 0}, 0.2});
+  world.robots.push_back({9, {0, 2, 0}, {{{4, 2, 0}}}, 0.2});
   world.obstacles = {obstacle(Shape::Kind::kSphere, {1, 0, 0}, {2, 0, 0}),
                      obstacle(Shape::Kind::kSphere, {1, 0, 0}, {0, 9, 0})};
   const OccupiedCubes static_map({{{3, 0, 0}, 0.1}});
@@ -277,7 +277,7 @@ TEST(Judge, WaitingAtAGoalIsNoDeadlock) {
 
 TEST(Judge, FirstArrivalCountsAndTheFlightEndsTwoSecondsAfterTheLast) {
   World world = one_robot();
-  world.robots.push_back({9, {0, 2, 0}, {4, 2, 0}, 0.2});
+  world.robots.push_back({9, {0, 2, 0}, {{{4, 2, 0}}}, 0.2});
   Judge judge(world, nullptr);
   int k = 0;
   for (; !judge.finished(); ++k) {
@@ -295,7 +295,7 @@ TEST(Judge, FirstArrivalCountsAndTheFlightEndsTwoSecondsAfterTheLast) {
 
 Outcome outcome_at_limit(double rest_from_s, double speed_before, bool arrived_one) {
   World world = one_robot();
-  if (arrived_one) world.robots.push_back({9, {0, 2, 0}, {4, 2, 0}, 0.2});
+  if (arrived_one) world.robots.push_back({9, {0, 2, 0}, {{{4, 2, 0}}}, 0.2});
   Judge judge(world, nullptr, 10.0);
   double x = 0.0;
   for (int k = 0; !judge.finished(); ++k) {

@@ -75,7 +75,7 @@ void expect_flyable(const Flight& flight) {
     ASSERT_EQ(rows.size(), std::llround(100 * flight.report.duration_s) + 1);
     EXPECT_LT((rows.front().position - robot.start).norm(), 1e-5);
     double to_goal = INFINITY;  // it may have stepped aside after its arrival
-    for (const Row& row : rows) to_goal = std::min(to_goal, (row.position - robot.goal).norm());
+    for (const Row& row : rows) to_goal = std::min(to_goal, (row.position - robot.goal()).norm());
     EXPECT_LT(to_goal, 0.1);
     for (std::size_t i = 0; i < rows.size(); ++i) {
       SCOPED_TRACE(testing::Message() << "robot " << robot.id << ", row " << i << ", " << rows[i].t_s << " s");
@@ -252,7 +252,7 @@ TEST(Lockstep, FliesAroundABoardFromRest) {
     world.robots.resize(1);
     world.limits.speed_mps = world.limits.acceleration_mps2 = limit;
     world.robots[0].start = {-0.45, 0, 1};
-    world.robots[0].goal = {1.0, 0, 1};
+    world.robots[0].mission = {{{1.0, 0, 1}}};
     world.walls.push_back({{-0.1, -0.3, 0}, {0.1, 0.3, 4}});
     FlightOptions options;
     options.time_limit_s = 10.0;
@@ -265,8 +265,8 @@ TEST(Lockstep, FliesAroundABoardFromRest) {
 TEST(Lockstep, SaysThatAGoalCannotBeReached) {
   TemporaryDirectory directory;
   World world = circle(2, 2.5, 0, 1);
-  world.robots[0].goal = {0.4, 2.0, 1.0};
-  world.robots[1].goal = {0.0, 0.0, 1.0};
+  world.robots[0].mission = {{{0.4, 2.0, 1.0}}};
+  world.robots[1].mission = {{{0.0, 0.0, 1.0}}};
   for (const double side : {-1.0, 1.0}) {
     world.walls.push_back({{side - 0.1, -1.1, 0}, {side + 0.1, 1.1, 4}});
     world.walls.push_back({{-1.1, side - 0.1, 0}, {1.1, side + 0.1, 4}});
@@ -305,8 +305,8 @@ TEST(Lockstep, TimeLimitEndsTheRun) {
 // Two cross each other's ways, slower where they shall be, and wait where they shall wait.
 TEST(Lockstep, MissionsAreFlownFromGoalToGoal) {
   World world = circle(2, 2.0, 0, 1);
-  world.robots[0].mission = {{{0, 1.5, 1}, 0.3, 0.5}, {{0, -1.5, 2}, 0.1, 2.0, 1s}, {world.robots[0].goal}};
-  world.robots[1].mission = {{{0, -1.5, 1}, 0.3}, {{0, 1.5, 2}, 0.5}, {world.robots[1].goal, 0.2, 0.8}};
+  world.robots[0].mission = {{{0, 1.5, 1}, 0.3, 0.5}, {{0, -1.5, 2}, 0.1, 2.0, 1s}, {world.robots[0].goal()}};
+  world.robots[1].mission = {{{0, -1.5, 1}, 0.3}, {{0, 1.5, 2}, 0.5}, {world.robots[1].goal(), 0.2, 0.8}};
   const Flight flight(world);
   EXPECT_EQ(flight.report.outcome, Outcome::kSuccess) << summary_table(flight.report);
   expect_flyable(flight);

@@ -7,8 +7,8 @@ namespace {
 
 World world_with(const std::vector<WorldObstacle>& obstacles) {
   World world;
-  world.robots = {{.id = 0, .start = {0, 0, 1}, .goal = {5, 0, 1}, .radius_m = 0.2},
-                  {.id = 1, .start = {0, 7, 1}, .goal = {5, 7, 1}, .radius_m = 0.2}};
+  world.robots = {{.id = 0, .start = {0, 0, 1}, .mission = {{{5, 0, 1}}}, .radius_m = 0.2},
+                  {.id = 1, .start = {0, 7, 1}, .mission = {{{5, 7, 1}}}, .radius_m = 0.2}};
   world.obstacles = obstacles;
   return world;
 }

@@ -27,10 +27,10 @@ TEST(Generator, TasksHaveThePapersPositions) {
     std::vector<std::array<double, 4>> all;
     for (const WorldRobot& r : make_world(task, Environment::kEmpty, 0, 1).robots) {
       EXPECT_EQ(r.start.z(), 1.0);
-      EXPECT_EQ(r.goal.z(), 1.0);
+      EXPECT_EQ(r.goal().z(), 1.0);
       EXPECT_EQ(r.radius_m, 0.2);
       EXPECT_EQ(r.id, static_cast<int>(all.size()));
-      all.push_back({r.start.x(), r.start.y(), r.goal.x(), r.goal.y()});
+      all.push_back({r.start.x(), r.start.y(), r.goal().x(), r.goal().y()});
     }
     return all;
   };
@@ -46,7 +46,7 @@ TEST(Generator, CircleSendsEachRobotToItsAntipode) {
     ASSERT_EQ(world.robots.size(), static_cast<std::size_t>(n));
     for (const WorldRobot& robot : world.robots) {
       EXPECT_NEAR(robot.start.head<2>().norm(), radius, 2e-6);
-      EXPECT_EQ(Eigen::Vector2d(robot.goal.head<2>()), Eigen::Vector2d(-robot.start.head<2>()));
+      EXPECT_EQ(Eigen::Vector2d(robot.goal().head<2>()), Eigen::Vector2d(-robot.start.head<2>()));
     }
     EXPECT_EQ(world.space.max.x(), std::max(8.0, radius + 1));
     EXPECT_EQ(world.obstacle_bounds.max.y(), std::max(7.0, radius - 1));
@@ -66,15 +66,15 @@ TEST(Generator, RandomGoalsAreApartFromEachOtherAndAwayFromTheStarts) {
   EXPECT_EQ(world.space.min, Eigen::Vector3d(-6, -5, 0));
   for (const WorldRobot& robot : world.robots) {
     EXPECT_EQ(robot.radius_m, 0.15);
-    EXPECT_GE((robot.goal - robot.start).norm(), 10.0 / 4);
-    for (const Eigen::Vector3d& place : {robot.start, robot.goal}) {
+    EXPECT_GE((robot.goal() - robot.start).norm(), 10.0 / 4);
+    for (const Eigen::Vector3d& place : {robot.start, robot.goal()}) {
       EXPECT_TRUE((place.array() >= world.space.min.array() + 0.3 - 1e-6).all()) << place.transpose();
       EXPECT_TRUE((place.array() <= world.space.max.array() - 0.3 + 1e-6).all()) << place.transpose();
     }
     for (const WorldRobot& other : world.robots) {
       if (&other == &robot) break;
       EXPECT_GE((robot.start - other.start).norm(), 0.6);
-      EXPECT_GE((robot.goal - other.goal).norm(), 0.6);
+      EXPECT_GE((robot.goal() - other.goal()).norm(), 0.6);
     }
   }
   EXPECT_EQ(world, make_world(Task::kRandom, Environment::kEmpty, 0, 5, fleet));
@@ -117,9 +117,9 @@ TEST(Generator, HallHasRoomsWithDoors) {
       return 3 * (place.y() > 0) + static_cast<int>((place.x() + 12) / 8);
     };
     for (const WorldRobot& robot : world.robots) {
-      EXPECT_NE(room_of(robot.start), room_of(robot.goal));
+      EXPECT_NE(room_of(robot.start), room_of(robot.goal()));
       EXPECT_GT(walls.distance(robot.start, 2), robot.radius_m);
-      EXPECT_GT(walls.distance(robot.goal, 2), robot.radius_m);
+      EXPECT_GT(walls.distance(robot.goal(), 2), robot.radius_m);
     }
     for (const double y : {-4.0, 4.0}) {  // along the walls of the rooms: three gaps of 1.2 to 1.6 m
       std::vector<double> gaps_m;

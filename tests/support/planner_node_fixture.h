@@ -56,9 +56,8 @@ class PlannerNodeFixture : public Bench<PlannerNode> {
     send(channel::kPeerTrajectory, announcement(id, committed, pending, state));
   }
   void send_goal(const Eigen::Vector3d& position) {
-    goal_t goal{};
+    goal_t goal = to_goal({{position}});
     goal.header = make_header(kRobot, 1, goal_seq_++, now);
-    Eigen::Map<Eigen::Vector3d>(goal.position) = position;
     send(channel::kGoal, goal);
   }
   announcement_t announcement(int id, const Trajectory& committed, const Trajectory& pending, std::int8_t state,

@@ -109,18 +109,15 @@ inline void make(Random& random, int elements, corridors_t* m) {
     m->faces.push_back(face);
   }
 }
-template <class Place>
-void make_place(Random& random, Place* m) {
-  fill(random, -1e5, 1e5, m->position);
-  m->tolerance = real(random, 0, 1000);
-  m->speed = integer(random, 0, 1) == 0 ? 0.0 : real(random, 0.05, 100);
-  m->wait = real(random, 0, 86400);
-}
 inline void make(Random& random, int elements, goal_t* m) {
-  make_place(random, m);
-  m->num_then = std::min(elements, 999);
-  m->then.resize(static_cast<std::size_t>(m->num_then));
-  for (waypoint_t& waypoint : m->then) make_place(random, &waypoint);
+  m->num_waypoints = std::clamp(elements, 1, 1000);
+  m->waypoints.resize(static_cast<std::size_t>(m->num_waypoints));
+  for (waypoint_t& waypoint : m->waypoints) {
+    fill(random, -1e5, 1e5, waypoint.position);
+    waypoint.tolerance = real(random, 0, 1000);
+    waypoint.speed = integer(random, 0, 1) == 0 ? 0.0 : real(random, 0.05, 100);
+    waypoint.wait = real(random, 0, 86400);
+  }
 }
 inline void make(Random& random, int, map_status_t* m) {
   m->state = static_cast<std::int16_t>(integer(random, 0, 2));
@@ -228,8 +225,7 @@ void each_real(corridors_t& m, F f) {
 }
 template <class F>
 void each_real(goal_t& m, F f) {
-  each(f, m.position, m.tolerance, m.speed, m.wait);
-  for (waypoint_t& w : m.then) each(f, w.position, w.tolerance, w.speed, w.wait);
+  for (waypoint_t& w : m.waypoints) each(f, w.position, w.tolerance, w.speed, w.wait);
 }
 template <class F>
 void each_real(map_status_t& m, F f) {

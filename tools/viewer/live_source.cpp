@@ -7,6 +7,7 @@
 #include "lcmtypes/bus/channels.h"
 #include "lcmtypes/bus/header_source.h"
 #include "lcmtypes/bus/recurring.h"
+#include "planner_daemon/trajectory/mission.h"
 
 namespace swarm {
 namespace {
@@ -49,7 +50,7 @@ class LiveSource::Listener : public Node {
   // The newest goal wins, by the time its sender started.
   void send_goal(const Eigen::Vector3d& position) {
     if (!headers_) headers_.emplace(robot_, new_boot());
-    Eigen::Map<Eigen::Vector3d>(goal_.position) = position;
+    goal_ = to_goal({{position}});
     repeat_goal_ = kRepeatGoal;
   }
 

@@ -54,8 +54,8 @@ std::optional<Eigen::Vector3d> RobotPicture::position(Utime now) const {
 // What the planner says and which goal was heard last may not belong together for a moment.
 std::optional<Eigen::Vector3d> RobotPicture::next_goal() const {
   if (!goal) return {};
-  const int waypoint = std::clamp(planner ? planner->waypoint : 0, 0, goal->num_then);
-  return Eigen::Vector3d(waypoint == 0 ? goal->position : goal->then[static_cast<std::size_t>(waypoint) - 1].position);
+  const int waypoint = std::clamp(planner ? planner->waypoint : 0, 0, goal->num_waypoints - 1);
+  return Eigen::Vector3d(goal->waypoints[static_cast<std::size_t>(waypoint)].position);
 }
 
 void RobotPicture::keep(Utime now, const announcement_t& message) {

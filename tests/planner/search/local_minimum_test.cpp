@@ -11,6 +11,7 @@ namespace {
 
 const Eigen::Vector3d kGoal(5, 0, 1);
 constexpr Utime kStart{100s};
+constexpr double kFast_mps = 2.0;
 
 // Every 50 ms a plan: when it begins to lead, and what the way is then.
 struct Robot {
@@ -18,7 +19,7 @@ struct Robot {
   template <class Way>
   bool is_led_within(Duration most, bool stands, const Way& way_m) {
     for (const Utime end = now + most; now < end; now += 50ms) {
-      if (local_minimum.leads(now, kGoal, way_m(to_seconds(now - kStart)), stands)) return true;
+      if (local_minimum.leads(now, kGoal, way_m(to_seconds(now - kStart)), stands, kFast_mps)) return true;
     }
     return false;
   }
@@ -30,8 +31,8 @@ TEST(LocalMinimum, WhoeverStandsStuckIsLed) {
   Robot robot;
   EXPECT_TRUE(robot.is_led_within(1s, true, [](double) { return 4.0; }));
   EXPECT_EQ(robot.now, kStart + 300ms);
-  EXPECT_TRUE(robot.local_minimum.leads(robot.now, kGoal, 3.1, false)) << "not far enough yet";
-  EXPECT_FALSE(robot.local_minimum.leads(robot.now, kGoal, 3.0, false)) << "a metre on its way";
+  EXPECT_TRUE(robot.local_minimum.leads(robot.now, kGoal, 3.1, false, kFast_mps)) << "not far enough yet";
+  EXPECT_FALSE(robot.local_minimum.leads(robot.now, kGoal, 3.0, false, kFast_mps)) << "a metre on its way";
 }
 
 TEST(LocalMinimum, WhoeverComesNoNearerIsLed) {
@@ -65,11 +66,11 @@ TEST(LocalMinimum, IsLedTwiceAsFarWhereItComesBack) {
   Robot robot;
   for (const double far_m : {1.0, 2.0, 4.0, 8.0, 8.0}) {
     ASSERT_TRUE(robot.is_led_within(1s, true, [](double) { return 20.0; }));
-    EXPECT_TRUE(robot.local_minimum.leads(robot.now, kGoal, 20.0 - far_m + 0.01, false)) << far_m;
-    EXPECT_FALSE(robot.local_minimum.leads(robot.now, kGoal, 20.0 - far_m, false)) << far_m;
+    EXPECT_TRUE(robot.local_minimum.leads(robot.now, kGoal, 20.0 - far_m + 0.01, false, kFast_mps)) << far_m;
+    EXPECT_FALSE(robot.local_minimum.leads(robot.now, kGoal, 20.0 - far_m, false, kFast_mps)) << far_m;
   }
   ASSERT_TRUE(robot.is_led_within(1s, true, [](double) { return 9.0; }));
-  EXPECT_FALSE(robot.local_minimum.leads(robot.now, kGoal, 8.0, false)) << "it had come past the other one";
+  EXPECT_FALSE(robot.local_minimum.leads(robot.now, kGoal, 8.0, false, kFast_mps)) << "it had come past the other one";
 }
 
 // What it was led by did not help: now and then it is tried again.
@@ -82,19 +83,19 @@ TEST(LocalMinimum, IsLedInVainLessAndLess) {
     EXPECT_EQ(robot.now - begun, patience);
     EXPECT_EQ(robot.local_minimum.is_stuck(robot.now), patience >= 2500ms);
     robot.now += 9950ms;
-    EXPECT_TRUE(robot.local_minimum.leads(robot.now, kGoal, 4.0, true));
+    EXPECT_TRUE(robot.local_minimum.leads(robot.now, kGoal, 4.0, true, kFast_mps));
     robot.now += 50ms;
-    EXPECT_FALSE(robot.local_minimum.leads(robot.now, kGoal, 4.0, true));
+    EXPECT_FALSE(robot.local_minimum.leads(robot.now, kGoal, 4.0, true, kFast_mps));
   }
 }
 
 TEST(LocalMinimum, AnotherGoalIsAnotherWay) {
   Robot robot;
   ASSERT_TRUE(robot.is_led_within(1s, true, [](double) { return 4.0; }));
-  EXPECT_FALSE(robot.local_minimum.leads(robot.now, {0, 5, 1}, 4.0, true));
+  EXPECT_FALSE(robot.local_minimum.leads(robot.now, {0, 5, 1}, 4.0, true, kFast_mps));
   EXPECT_TRUE(robot.is_led_within(1s, true, [](double) { return 4.0; }));
   robot.local_minimum.give_up(robot.now);
-  EXPECT_FALSE(robot.local_minimum.leads(robot.now + 50ms, kGoal, 4.0, true)) << "tried again later";
+  EXPECT_FALSE(robot.local_minimum.leads(robot.now + 50ms, kGoal, 4.0, true, kFast_mps)) << "tried again later";
 }
 
 }  // namespace

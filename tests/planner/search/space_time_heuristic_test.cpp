@@ -36,7 +36,7 @@ class PlainSpaceTimeHeuristic {
  public:
   using Known = std::function<bool(int step, const Vector3i& cell)>;
   PlainSpaceTimeHeuristic(const SpaceTimeScene& scene, const PlainStaticHeuristic* ways,
-                          const std::optional<StaticHeuristic::Waypoint>& waypoint, int num_steps, const Known& known)
+                          const std::optional<StaticHeuristic::Subgoal>& subgoal, int num_steps, const Known& known)
       : size(cells_in(scene.occupied.geometry)) {
     const GridGeometry& grid = scene.occupied.geometry;
     const double cell_m = kCellVoxels * grid.resolution_m, step_s = cell_m / scene.speed_mps;
@@ -44,8 +44,8 @@ class PlainSpaceTimeHeuristic {
     const auto middle = [&](const Vector3i& cell) {
       return Vector3d(corner + cell_m * (cell.cast<double>().array() + 0.5).matrix());
     };
-    const Vector3d target = waypoint ? waypoint->position : scene.goal;
-    const int rest = waypoint ? waypoint->cost * kTicks / (kCellVoxels * Wavefront::kStraight) : 0;
+    const Vector3d target = subgoal ? subgoal->position : scene.goal;
+    const int rest = subgoal ? subgoal->cost * kTicks / (kCellVoxels * Wavefront::kStraight) : 0;
     straight = table([&](const Vector3i& cell) {
       const double way_m = (target - middle(cell)).cwiseAbs().maxCoeff();
       return rest + std::min(kLongest, static_cast<int>(std::round(way_m / cell_m * kTicks)));
@@ -109,7 +109,7 @@ class PlainSpaceTimeHeuristic {
 };
 
 struct Comparisons {
-  int compared = 0, detours = 0, closed = 0, after_start = 0, unreached = 0, without_way = 0, ahead = 0, waypoints = 0,
+  int compared = 0, detours = 0, closed = 0, after_start = 0, unreached = 0, without_way = 0, ahead = 0, subgoals = 0,
       with_ways = 0;
 };
 
@@ -120,7 +120,7 @@ void compare_all(const SpaceTimeScene& scene, bool is_guided, SpaceTimeHeuristic
   const PlainStaticHeuristic plain_around(scene.standing, kBlocked_m, scene.goal, scene.low_z, scene.high_z, nullptr);
   const StaticHeuristic* guided = is_guided ? &around : nullptr;
   const bool has_ways = is_guided && !around.empty() && !around.is_cut_off();
-  const auto waypoint = has_ways ? around.waypoint(scene.reach.center) : std::nullopt;
+  const auto subgoal = has_ways ? around.subgoal(scene.reach.center) : std::nullopt;
   heuristic->build({&scene.occupied}, kBlocked_m, guided, scene.reach, scene.goal, {-99, -99, scene.low_z},
                    {99, 99, scene.high_z});
   const GridGeometry& grid = scene.occupied.geometry;
@@ -130,15 +130,15 @@ void compare_all(const SpaceTimeScene& scene, bool is_guided, SpaceTimeHeuristic
     const Vector3d inside = corner + cell_m * (cell.cast<double>().array() + 0.5).matrix();
     return heuristic->cell_of(step, 0, inside.x()) >= 0 && heuristic->cell_of(step, 1, inside.y()) >= 0;
   };
-  sum->waypoints += waypoint.has_value();
+  sum->subgoals += subgoal.has_value();
   sum->with_ways += has_ways;
-  ASSERT_EQ(heuristic->target(), waypoint ? waypoint->position : scene.goal);
-  if (waypoint) {
-    ASSERT_NEAR(heuristic->rest_s(), waypoint->cost / 30.0 * step_s, step_s / kTicks);
+  ASSERT_EQ(heuristic->target(), subgoal ? subgoal->position : scene.goal);
+  if (subgoal) {
+    ASSERT_NEAR(heuristic->rest_s(), subgoal->cost / 30.0 * step_s, step_s / kTicks);
   } else {
     ASSERT_EQ(heuristic->rest_s(), 0.0);
   }
-  const PlainSpaceTimeHeuristic plain(scene, has_ways ? &plain_around : nullptr, waypoint, heuristic->num_steps(),
+  const PlainSpaceTimeHeuristic plain(scene, has_ways ? &plain_around : nullptr, subgoal, heuristic->num_steps(),
                                       known);
   const int first = heuristic->step_at(scene.reach.utime);
   for (int step = first; step <= heuristic->num_steps(); ++step) {
@@ -237,7 +237,7 @@ TEST(SpaceTimeHeuristicTest, EqualsAPlainDynamicProgramme) {
   EXPECT_GT(sum.detours, sum.compared / 20);
   EXPECT_GT(sum.closed, sum.compared / 100);
   EXPECT_GT(sum.ahead, sum.compared / 100);
-  EXPECT_GT(sum.waypoints, 2);
+  EXPECT_GT(sum.subgoals, 2);
   EXPECT_GT(sum.with_ways, 8);
   EXPECT_LT(sum.with_ways, 22);
 }

@@ -146,7 +146,7 @@ TEST(StaticHeuristicTest, AnEnclosedRobotIsCutOff) {
   heuristic.build({&standing}, kClearance_m, {1.8, 0, 0}, kLow, kHigh, nullptr);
   EXPECT_FALSE(heuristic.empty());
   EXPECT_TRUE(heuristic.is_cut_off());
-  EXPECT_FALSE(heuristic.waypoint({0, 0, 0}).has_value());
+  EXPECT_FALSE(heuristic.subgoal({0, 0, 0}).has_value());
   EXPECT_EQ(heuristic.blocked(11, 0, -10, 0), 0u);
   heuristic.build({&standing}, kClearance_m, {0.5, 0.5, 0}, kLow, kHigh, nullptr);  // the goal is inside as well
   EXPECT_FALSE(heuristic.is_cut_off());
@@ -175,7 +175,7 @@ TEST(StaticHeuristicTest, KnowsWhatIsBlocked) {
 }
 
 // Out of a dead end, whatever else stands around.
-TEST(StaticHeuristicTest, WaypointsLeadAroundWhatStandsStill) {
+TEST(StaticHeuristicTest, SubgoalsLeadAroundWhatStandsStill) {
   Rng rng(6);
   StaticHeuristic heuristic;
   int found = 0, straight = 0, missing = 0;
@@ -206,20 +206,20 @@ TEST(StaticHeuristicTest, WaypointsLeadAroundWhatStandsStill) {
       const int cost = plain.cost(cell_of(place));
       if (cost == PlainWays::kNone) continue;
       const bool is_detour = cost - Wavefront::straight_cost(plain.goal_voxel - plain.grid.voxel_of(place)) >= 50;
-      const auto waypoint = heuristic.waypoint(place);
+      const auto subgoal = heuristic.subgoal(place);
       if (!is_detour) {
         ++straight;
-        ASSERT_FALSE(waypoint.has_value());
+        ASSERT_FALSE(subgoal.has_value());
         continue;
       }
-      missing += !waypoint.has_value();
-      if (!waypoint) continue;
+      missing += !subgoal.has_value();
+      if (!subgoal) continue;
       ++found;
-      ASSERT_LT(waypoint->cost, cost);
-      ASSERT_EQ(waypoint->cost, plain.cost(cell_of(waypoint->position)));
+      ASSERT_LT(subgoal->cost, cost);
+      ASSERT_EQ(subgoal->cost, plain.cost(cell_of(subgoal->position)));
       // Seen from there: nowhere on the line a cell that is reached is farther than a quarter of its edge away.
       for (double s = 0.0; s <= 1.0; s += 0.01) {
-        const Vector3d at = place + s * (waypoint->position - place);
+        const Vector3d at = place + s * (subgoal->position - place);
         bool is_reached = false;
         for (int k = 0; k < 8; ++k) {
           const Vector3d beside = at + 0.26 * cell_m * (Vector3d(k & 1, k >> 1 & 1, k >> 2).array() * 2 - 1).matrix();
@@ -236,19 +236,19 @@ TEST(StaticHeuristicTest, WaypointsLeadAroundWhatStandsStill) {
 }
 
 // A wall across the way, but for its end: there the way leads first, and behind it there is no detour left.
-TEST(StaticHeuristicTest, TheWaypointLiesBesideTheEndOfAWall) {
+TEST(StaticHeuristicTest, TheSubgoalLiesBesideTheEndOfAWall) {
   Sogm standing = empty_map({8, 8, 2}, 0.1, 1, Utime(), 100ms);
   mark_box(&standing, {1.0, -2.0, -9}, {1.2, 99, 9});
   StaticHeuristic heuristic;
   heuristic.build({&standing}, kClearance_m, {3, 0, 0}, kLow, kHigh, nullptr);
-  const auto waypoint = heuristic.waypoint({0.05, 0.05, 0.05});
-  ASSERT_TRUE(waypoint.has_value());
-  EXPECT_NEAR(waypoint->position.x(), 0.8, 0.4);
-  EXPECT_NEAR(waypoint->position.y(), -2.0, 0.5);
-  EXPECT_NEAR(waypoint->position.z(), 0.0, 0.4);
-  EXPECT_FALSE(heuristic.waypoint({1.6, -2.2, 0.0}).has_value());
-  EXPECT_FALSE(heuristic.waypoint({2.0, 0.0, 0.0}).has_value());
-  EXPECT_FALSE(heuristic.waypoint({99.0, 0.0, 0.0}).has_value()) << "outside the window";
+  const auto subgoal = heuristic.subgoal({0.05, 0.05, 0.05});
+  ASSERT_TRUE(subgoal.has_value());
+  EXPECT_NEAR(subgoal->position.x(), 0.8, 0.4);
+  EXPECT_NEAR(subgoal->position.y(), -2.0, 0.5);
+  EXPECT_NEAR(subgoal->position.z(), 0.0, 0.4);
+  EXPECT_FALSE(heuristic.subgoal({1.6, -2.2, 0.0}).has_value());
+  EXPECT_FALSE(heuristic.subgoal({2.0, 0.0, 0.0}).has_value());
+  EXPECT_FALSE(heuristic.subgoal({99.0, 0.0, 0.0}).has_value()) << "outside the window";
 }
 
 // Nothing stands in the window, but a wall behind its edge: the guidance knows.
@@ -263,9 +263,9 @@ TEST(StaticHeuristicTest, GoesOnAsTheGuidanceKnows) {
   StaticHeuristic heuristic;
   heuristic.build({&standing}, kClearance_m, goal, kLow, kHigh, &guidance);
   ASSERT_FALSE(heuristic.empty());
-  const auto waypoint = heuristic.waypoint({0.05, 0.05, 0.05});
-  ASSERT_TRUE(waypoint.has_value());
-  EXPECT_LT(waypoint->position.y(), -1.6) << "down to the wall's end";
+  const auto subgoal = heuristic.subgoal({0.05, 0.05, 0.05});
+  ASSERT_TRUE(subgoal.has_value());
+  EXPECT_LT(subgoal->position.y(), -1.6) << "down to the wall's end";
   heuristic.build({&standing}, kClearance_m, goal, kLow, kHigh, nullptr);
   EXPECT_TRUE(heuristic.empty());
 }
@@ -278,7 +278,7 @@ TEST(StaticHeuristicTest, SaysNothingWhereNothingStands) {
     heuristic.build({&standing}, kClearance_m, Vector3d::Zero(), -1, 1, none);
     EXPECT_TRUE(heuristic.empty());
     EXPECT_FALSE(heuristic.is_cut_off());
-    EXPECT_FALSE(heuristic.waypoint({0, 0, 0}).has_value());
+    EXPECT_FALSE(heuristic.subgoal({0, 0, 0}).has_value());
     EXPECT_EQ(heuristic.blocked(0, 0, 0, 0), 0u);
   }
   Sogm small = empty_map({0.1, 2, 2}, 0.1, 1, Utime(), 100ms);  // less than half a cell

@@ -16,7 +16,9 @@ int main(int argc, char** argv) {
   for (std::vector<std::uint8_t> bytes;; std::this_thread::sleep_for(std::chrono::seconds(1))) {
     sogm_swarm::goal_t goal{};
     goal.header = headers.next(swarm::wall_utime());
-    goal.position[0] = 3.0, goal.position[2] = 1.0;  // W [m]; may change at any time
+    sogm_swarm::waypoint_t& place = goal.waypoints.emplace_back();
+    place.position[0] = 3.0, place.position[2] = 1.0;  // W [m]; may change at any time
+    goal.num_waypoints = static_cast<std::int32_t>(goal.waypoints.size());
     swarm::encode(goal, &bytes);
     if (!bus.publish("GOAL", bytes)) return 1;  // again and again: a planner may start later
   }
