@@ -7,6 +7,7 @@
 
 #include "lcmtypes/bus/channels.h"
 #include "lcmtypes/bus/text.h"
+#include "map_daemon/octomap_file.h"
 
 namespace swarm {
 
@@ -18,6 +19,7 @@ namespace {
 constexpr Duration kMaxAge = 1s;  // of messages
 constexpr Duration kStatusPeriod = 1s;
 constexpr std::size_t kMaxVoxelObstacles = 256;
+constexpr double kLeastVoxel_m = 0.01;
 constexpr double kReaction_s = 0.5, kBesides_m = 0.5;  // before a robot brakes; its own size, and what it keeps off
 
 Eigen::Vector3d to_vector(const double (&v)[3]) {
@@ -80,7 +82,7 @@ Eigen::Vector3d MapConfig::window_m() const {
 }
 
 Eigen::Vector3i MapConfig::voxels() const {
-  return (window_m().array() / resolution_m - 1e-6).ceil().max(1.0).matrix().cast<int>();
+  return (window_m().array() / voxel_m() - 1e-6).ceil().max(1.0).matrix().cast<int>();
 }
 
 void declare(OptionSet& options, MapConfig& config) {
@@ -90,11 +92,13 @@ void declare(OptionSet& options, MapConfig& config) {
   options.add("v-max", &config.v_max_mps, 0.01, 100, "m/s",
               "speed limit per axis: the robot must be able to stop in the window");
   options.add("a-max", &config.a_max_mps2, 0.01, 1000, "m/s^2", "acceleration limit per axis");
-  options.add("resolution", &config.resolution_m, 0.01, 1, "m", "voxel edge");
+  options.add("resolution", &config.resolution_m, 0, 1, "m",
+              "voxel edge, 0.01 or more; 0: 0.1, or near it what the leaves of the static map consist of");
   options.add("frame", &config.frame_s, 0.001, 10, "s", "duration of one frame");
   options.add("horizon", &config.horizon_s, 0.001, 1280, "s", "length of the prediction, a whole number of frames");
   options.add("static-map", &config.static_map, "OctoMap file (.bt or .ot); empty: none");
-  options.add("margin", &config.margin_m, 0, 10, "m", "voxel centres this close to an obstacle are occupied");
+  options.add("margin", &config.margin_m, 0, 10, "m",
+              "voxel centres half a voxel and this close to an obstacle are occupied");
   options.add("growth", &config.growth_mps, 0, 10, "m/s", "growth of the margin with prediction time");
   options.add("max-rate", &config.max_rate_hz, 0.1, 1000, "Hz", "of maps, however fast obstacles arrive");
   options.add("min-rate", &config.min_rate_hz, 0.1, 1000, "Hz", "of maps while no obstacles arrive");
@@ -105,12 +109,14 @@ void declare(OptionSet& options, MapConfig& config) {
 }
 
 void verify(const MapConfig& config) {
+  require(config.resolution_m == 0.0 || config.resolution_m >= kLeastVoxel_m, "resolution: ", config.resolution_m,
+          " m; must be 0 or within [", kLeastVoxel_m, ", 1]");
   const bool is_for_stopping = config.window_m() != config.least_window_m;
   const std::string name =
       is_for_stopping ? "v-max: stopping takes a window of " + text_of(config.window_m()) + " m" : "window";
   for (int axis = 0; axis < 3; ++axis) {
-    const double edges = config.window_m()[axis] / config.resolution_m;
-    require(edges <= kMaxVoxelsPerAxis, name, ": ", edges, " voxels of --resolution ", config.resolution_m, " m along ",
+    const double edges = config.window_m()[axis] / config.voxel_m();
+    require(edges <= kMaxVoxelsPerAxis, name, ": ", edges, " voxels of --resolution ", config.voxel_m(), " m along ",
             "xyz"[axis], "; at most ", kMaxVoxelsPerAxis);
   }
   const double voxels = config.voxels().cast<double>().prod();
@@ -120,7 +126,7 @@ void verify(const MapConfig& config) {
           "horizon: ", config.horizon_s, " s are ", frames, " frames of --frame ", config.frame_s,
           " s; must be a whole number within [1, ", kMaxMapFrames, "]");
   const std::int64_t bytes =
-      map_bytes({.resolution_m = config.resolution_m, .size = config.voxels()}, config.num_frames());
+      map_bytes({.resolution_m = config.voxel_m(), .size = config.voxels()}, config.num_frames());
   require(bytes <= kMaxMapBytes, name, ": ", bytes, " bytes over the horizon; at most ", kMaxMapBytes);
   require(config.max_rate_hz >= config.min_rate_hz, "max-rate: ", config.max_rate_hz, " Hz; must be at least min-rate ",
           config.min_rate_hz, " Hz");
@@ -133,7 +139,11 @@ MapNode::MapNode(const MapConfig& config, std::int32_t boot, Stopwatch stopwatch
       map_headers_(config.robot_id, boot),
       status_headers_(config.robot_id, boot) {
   verify(config);
-  if (!config.static_map.empty()) static_map_.emplace(config.static_map, config.resolution_m, config.margin_m);
+  if (config.static_map.empty()) return;
+  const auto tree = read_octomap(config.static_map);
+  if (config.resolution_m == 0.0) config_.resolution_m = StaticMap::fitting_voxel_m(tree->getResolution());
+  verify(config_);
+  static_map_.emplace(*tree, config.static_map, config_.voxel_m(), config_.reach_m());
 }
 
 std::vector<Subscription> MapNode::subscriptions() const {
@@ -247,15 +257,15 @@ void MapNode::forget_unreported(Utime now) {
 
 void MapNode::build(Utime now) {
   const Eigen::Vector3d center = position_ + to_seconds(now - state_utime_) * velocity_;
-  GridGeometry geometry{.resolution_m = config_.resolution_m, .size = config_.voxels()};
-  const Eigen::Array3d corner = center.array() / config_.resolution_m - geometry.size.array().cast<double>() / 2;
+  GridGeometry geometry{.resolution_m = config_.voxel_m(), .size = config_.voxels()};
+  const Eigen::Array3d corner = center.array() / geometry.resolution_m - geometry.size.array().cast<double>() / 2;
   geometry.origin = corner.round().cast<int>();
 
   sogm_.reset(geometry, config_.num_frames(), now, to_duration(config_.frame_s));
   if (static_map_) static_map_->copy_into(&sogm_);
-  for (const Obstacle& obstacle : obstacles_) rasterize(obstacle, config_.margin_m, config_.growth_mps, &sogm_);
+  for (const Obstacle& obstacle : obstacles_) rasterize(obstacle, config_.reach_m(), config_.growth_mps, &sogm_);
   for (const auto& [id, entry] : voxel_obstacles_)
-    rasterize(entry.obstacle, config_.margin_m, config_.growth_mps, &sogm_);
+    rasterize(entry.obstacle, config_.reach_m(), config_.growth_mps, &sogm_);
   build_.done(now);
   obstacles_are_new_ = false;
 }

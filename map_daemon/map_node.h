@@ -24,12 +24,12 @@ namespace swarm {
 struct MapConfig {
   int robot_id = 0;
   Eigen::Vector3d least_window_m{10, 10, 4};  // edges of the window, centred at the robot
-  double resolution_m = 0.1;                  // voxel edge
+  double resolution_m = 0.0;                  // voxel edge; 0: 0.1, or near it what fits the static map
   double frame_s = 0.1;                       // duration of one frame
   double horizon_s = 2.0;                     // a whole number of frames
   double v_max_mps = 2.0, a_max_mps2 = 6.0;   // of the robot, per axis: it must be able to stop inside the window
   std::string static_map;                     // OctoMap file; empty: none
-  double margin_m = 0.05;           // voxels whose centres come this close to an obstacle are occupied: half a voxel
+  double margin_m = 0.0;            // voxels whose centres come half a voxel and this close to obstacles are occupied
   double growth_mps = 0.0;          // the margin grows by this per second of prediction
   double max_rate_hz = 30.0;        // of maps; faster than obstacles arrive, or maps wait for their turn
   double min_rate_hz = 10.0;        // of maps while no obstacles arrive
@@ -40,6 +40,8 @@ struct MapConfig {
   int num_frames() const;
   Eigen::Vector3d window_m() const;  // the least one, sideways also what stopping takes
   Eigen::Vector3i voxels() const;    // of the window
+  double voxel_m() const { return resolution_m > 0.0 ? resolution_m : StaticMap::kUsualVoxel_m; }
+  double reach_m() const { return 0.5 * voxel_m() + margin_m; }  // from an obstacle to centres of occupied voxels
 };
 
 void declare(OptionSet& options, MapConfig& config);

@@ -3,6 +3,7 @@
 
 #include <octomap/OcTree.h>
 
+#include <cmath>
 #include <cstdint>
 #include <string>
 
@@ -21,6 +22,14 @@ class StaticMap {
   StaticMap(const std::string& path, double resolution_m, double margin_m);
   // The same of a tree that was read from there.
   StaticMap(const octomap::OcTree& tree, const std::string& path, double resolution_m, double margin_m);
+
+  // The voxel edge near the usual one of which leaves of that edge consist, or that consists of them: then no wall of
+  // the map ends inside a voxel, and none of them grows.
+  static double fitting_voxel_m(double leaf_m) {
+    return leaf_m < kUsualVoxel_m ? leaf_m * std::round(kUsualVoxel_m / leaf_m)
+                                  : leaf_m / std::round(leaf_m / kUsualVoxel_m);
+  }
+  static constexpr double kUsualVoxel_m = 0.1;
 
   static constexpr std::int64_t kMaxBytes = std::int64_t{1} << 29;
 

@@ -59,8 +59,8 @@ const char* to_string(PlanStep step) {
 Planner::Planner(const PlannerConfig& config, Stopwatch stopwatch)
     : config_(with_reserve(config)),
       stopwatch_(std::move(stopwatch)),
-      space_(config.space, config.map.static_map),
-      guidance_(config.map, config.space.blocked_m(), config.limits.space_min, config.limits.space_max),
+      space_(config.space, config.static_map),
+      guidance_(config.static_map, config.limits.space_min, config.limits.space_max),
       search_(config_.limits, config.search),
       escape_search_(config_.limits, escape_options(config_.limits, config.search)),
       escape_piece_(escape_options(config_.limits, config.search).piece),
@@ -150,26 +150,26 @@ bool Planner::is_slow(const PlanRequest& request) const {
 
 void Planner::build_heuristics(const PlanRequest& request) {
   const SearchLimits& limits = config_.limits;
-  const double blocked_m = config_.space.blocked_m();
   const bool is_there = (reachable_.center - request.goal).norm() < kAtGoal_m;
   if (!static_key_.serves(request, is_there ? kAtGoalAge : kStaticHeuristicAge)) {  // what stands still changes slowly
     const Occupancy standing = space_.compose_standing(*request.peers);
     if (!request.is_aside) {
       guidance_.reconsider(reachable_.center);
-      guidance_.update(*request.sogm, *standing.sogm, request.goal);
+      guidance_.update(*request.sogm, *standing.sogm, request.goal, space_.way_m());
     }
     const Guidance* guidance = request.is_aside ? nullptr : &guidance_;
-    static_heuristic_.build(standing, blocked_m, request.goal, limits.space_min.z(), limits.space_max.z(), guidance);
+    static_heuristic_.build(standing, space_.way_m(), request.goal, limits.space_min.z(), limits.space_max.z(),
+                            guidance);
     if (static_heuristic_.is_cut_off()) {  // by peers that hover in the way: they may go on
-      static_heuristic_.build({standing.sogm, nullptr}, blocked_m, request.goal, limits.space_min.z(),
+      static_heuristic_.build({standing.sogm, nullptr}, space_.way_m(), request.goal, limits.space_min.z(),
                               limits.space_max.z(), guidance);
     }
     static_key_ = cache_key(request);
   } else {
     guidance_.work();
   }
-  space_time_heuristic_.build(space_.occupancy(), blocked_m, &static_heuristic_, reachable_, request.goal,
-                              limits.space_min, limits.space_max);
+  space_time_heuristic_.build(space_.occupancy(), config_.space.blocked_m(), &static_heuristic_, reachable_,
+                              request.goal, limits.space_min, limits.space_max);
   space_time_key_ = cache_key(request);
 }
 
@@ -181,7 +181,7 @@ std::optional<Eigen::Vector3d> Planner::place_ahead(const PlanRequest& request) 
   const bool stands = request.own.end_utime() <= request.start_utime && path_.settled && !result_.fly;
   if (!local_minimum_.leads(request.start_utime, request.goal, way_m, stands, v_max_mps(request))) return {};
   if (!voxel_ways_key_.serves(request, kStaticHeuristicAge)) {
-    voxel_ways_.build(space_.compose_standing(*request.peers), config_.space.blocked_m(), request.goal,
+    voxel_ways_.build(space_.compose_standing(*request.peers), space_.way_m(), request.goal,
                       config_.limits.space_min.z(), config_.limits.space_max.z(), &guidance_, 1);
     voxel_ways_key_ = cache_key(request);
   }
@@ -196,7 +196,7 @@ std::optional<Eigen::Vector3d> Planner::refuge(const PlanRequest& request, const
   const SearchLimits& limits = config_.limits;
   compose(request);
   voxel_ways_key_ = {};
-  voxel_ways_.build(space_.compose_standing(*request.peers), config_.space.blocked_m(),
+  voxel_ways_.build(space_.compose_standing(*request.peers), space_.way_m(),
                     request.own.at(request.own.end_utime()).position, limits.space_min.z(), limits.space_max.z(),
                     nullptr);
   return voxel_ways_.nearest_apart({limits.space_min, limits.space_max}, a, b, apart_m);

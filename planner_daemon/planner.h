@@ -26,7 +26,7 @@ struct PlannerConfig {
   ConfigurationSpaceOptions space;
   SearchLimits limits;  // flight space: of the robot's centre
   SearchOptions search;
-  GlobalMapOptions map;
+  std::string static_map;  // OctoMap file; empty: none
   CorridorOptions corridor;
 };
 

@@ -42,7 +42,7 @@ void declare(OptionSet& options, PlannerNodeConfig& config) {
               "flight space of the robot's centre, lower corner");
   options.add("space-max", &planner.limits.space_max, -1e5, 1e5, "m",
               "flight space of the robot's centre, upper corner");
-  options.add("static-map", &planner.map.static_map, "OctoMap file (.bt or .ot) that leads to the goal; empty: none");
+  options.add("static-map", &planner.static_map, "OctoMap file (.bt or .ot) that leads to the goal; empty: none");
   options.add("piece-us", &planner.search.piece, 10ms, 10s, "duration of a motion primitive and trajectory piece");
   options.add("pieces", &planner.search.num_pieces, 2, Trajectory::kMaxPieces, "",
               "horizon in pieces, braking to rest included");

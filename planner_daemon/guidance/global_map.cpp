@@ -22,13 +22,14 @@ int tile_after(int voxel) {
 
 }  // namespace
 
-GlobalMap::GlobalMap(const GlobalMapOptions& options, double blocked_m, const Eigen::Vector3d& space_min,
-                     const Eigen::Vector3d& space_max)
-    : options_(options), blocked_m_(blocked_m), space_min_(space_min), space_max_(space_max) {
-  if (!options.static_map.empty()) tree_ = read_octomap(options.static_map);
+GlobalMap::GlobalMap(const std::string& static_map, const Eigen::Vector3d& space_min, const Eigen::Vector3d& space_max)
+    : static_map_(static_map), space_min_(space_min), space_max_(space_max) {
+  if (!static_map_.empty()) tree_ = read_octomap(static_map_);
 }
 
-bool GlobalMap::see(const Sogm& sogm, const Sogm& standing, const Eigen::Vector3d& goal) {
+bool GlobalMap::see(const Sogm& sogm, const Sogm& standing, const Eigen::Vector3d& goal, double blocked_m) {
+  if (blocked_m != blocked_m_) occupied_ = Sogm();
+  blocked_m_ = blocked_m;
   const GridGeometry& window = sogm.geometry;
   bool changed = cover(window, goal);
   const GridGeometry& grid = occupied_.geometry;
@@ -97,7 +98,7 @@ bool GlobalMap::cover(const GridGeometry& window, const Eigen::Vector3d& goal) {
   const Box near = box_of(window).cut(space), target = Box{lattice(goal), lattice(goal)}.grown(around).cut(space);
   if ((near.first.array() > near.last.array()).any()) return false;  // the robot is far outside the flight space
   const bool begins = occupied_.num_frames == 0;
-  if (begins && tree_ != nullptr) file_.emplace(*tree_, options_.static_map, resolution_m, options_.margin_m);
+  if (begins && tree_ != nullptr) file_.emplace(*tree_, static_map_, resolution_m, 0.5 * resolution_m);
   Box box = space.voxels() <= kSmall ? space : near.grown(slack).cut(space);
   if (!begins) box = box_of(occupied_.geometry).united(box);
   if (begins && file_ && file_->geometry().size.x() > 0)

@@ -14,27 +14,21 @@
 
 namespace swarm {
 
-struct GlobalMapOptions {
-  std::string static_map;  // OctoMap file; empty: none
-  double margin_m = 0.05;  // voxels whose centres come this close to one of its leaves are occupied, as in the SOGM
-};
-
 // A grid that grows with what it is told to hold, but never beyond kMaxVoxels: then it holds less, and at the least
 // what lies around the robot.
 class GlobalMap {
  public:
   static constexpr double kMaxVoxels = 1 << 28;  // 32 MB for each of two grids
 
-  // The robot's centre stays `blocked_m` away from what is occupied, and within [space_min, space_max], W [m].
+  // `static_map`: OctoMap file; empty: none. The robot's centre stays within [space_min, space_max], W [m].
   // Throws what read_octomap() throws.
-  GlobalMap(const GlobalMapOptions& options, double blocked_m, const Eigen::Vector3d& space_min,
-            const Eigen::Vector3d& space_max);
+  GlobalMap(const std::string& static_map, const Eigen::Vector3d& space_min, const Eigen::Vector3d& space_max);
 
   // Takes in what stands still in the window of `sogm`: tiles of it in which nothing changes from frame to frame.
   // `standing`, of the same window, is what is occupied in all frames. Where the robot, in the middle of the window, is
   // near, what is gone is forgotten. True: the map is another one now. Throws what StaticMap throws when the first SOGM
   // comes, or one of other voxels: then nothing but the file is kept.
-  bool see(const Sogm& sogm, const Sogm& standing, const Eigen::Vector3d& goal);
+  bool see(const Sogm& sogm, const Sogm& standing, const Eigen::Vector3d& goal, double blocked_m);
   // All that was seen, but not the file. True: there was something.
   bool forget_seen();
 
@@ -74,8 +68,8 @@ class GlobalMap {
   void block(const Columns& columns);
   void block_all();
 
-  GlobalMapOptions options_;
-  double blocked_m_;
+  std::string static_map_;
+  double blocked_m_ = 0.0;
   Eigen::Vector3d space_min_, space_max_;
   std::unique_ptr<octomap::OcTree> tree_;
   std::optional<StaticMap> file_;  // its voxels

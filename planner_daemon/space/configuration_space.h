@@ -50,6 +50,10 @@ class ConfigurationSpace {
   // call.
   Occupancy compose_standing(const std::vector<Peer>& peers);
 
+  // So far ways keep from the middles of voxels where something stands still. More than what blocks the centre where
+  // walls do so by exact distance.
+  double way_m() const { return std::max(options_.blocked_m(), walls_.way_m()); }
+
   const Occupancy& occupancy() const { return occupancy_; }
   // Layout of all layers: geometry, frames and their times as in the SOGM. Its voxels are known where layers() or
   // blocked() were asked for them.

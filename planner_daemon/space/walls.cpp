@@ -1,5 +1,6 @@
 #include "planner_daemon/space/walls.h"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -29,9 +30,30 @@ void Walls::set_resolution(double resolution_m) {
   known_.assign(known_.size(), {kNobody, false});
 }
 
+double Walls::least_m() const {
+  return radius_m_ + std::sqrt(3.0) / 2 / per_m_ + kRoom_m;
+}
+
+double Walls::way_m() const {
+  if (empty()) return 0.0;
+  const double voxel_m = 2.0 / per_m_, least = least_m() / voxel_m;
+  const int open = static_cast<int>(std::ceil(least + 0.5 - 1e-9));  // beside a wall
+  int closed2 = 0;
+  for (int x = 0; x < open; ++x) {
+    for (int y = 0; y < open; ++y) {
+      for (int z = 0; z < open; ++z) {
+        const Eigen::Array3d gap = Eigen::Array3d(x, y, z) - 0.5;
+        const int distance2 = x * x + y * y + z * z;
+        if (distance2 < open * open && gap.max(0.0).matrix().norm() < least) closed2 = std::max(closed2, distance2);
+      }
+    }
+  }
+  return (std::sqrt(closed2) + 1e-3) * voxel_m;
+}
+
 bool Walls::work_out(std::int32_t x, std::int32_t y, std::int32_t z) const {
   const Eigen::Vector3d middle = (Eigen::Vector3d(x, y, z).array() + 0.5) / per_m_;
-  return cubes_.meets(middle, radius_m_ + std::sqrt(3.0) / 2 / per_m_ + kRoom_m);
+  return cubes_.meets(middle, least_m());
 }
 
 }  // namespace swarm

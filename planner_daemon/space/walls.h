@@ -21,6 +21,10 @@ class Walls {
   // For voxels of this edge from now on.
   void set_resolution(double resolution_m);
 
+  // What leads through voxels farther than this from the middles of those that a wall along the lattice fills leads
+  // past the wall. 0: there are no walls.
+  double way_m() const;
+
   // Whether a sphere of the radius with its centre anywhere in such an eighth of a voxel may touch a wall: index along
   // each axis of W, in halves of voxels.
   bool meet(std::int32_t x, std::int32_t y, std::int32_t z) {
@@ -46,6 +50,8 @@ class Walls {
     return part(x) << 42 | part(y) << 21 | part(z);
   }
   bool work_out(std::int32_t x, std::int32_t y, std::int32_t z) const;
+  // Between the middle of an eighth of a voxel and a wall.
+  double least_m() const;
 
   StaticMap cubes_;  // of the file
   double radius_m_, per_m_ = 20.0;

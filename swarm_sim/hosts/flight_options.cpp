@@ -24,7 +24,7 @@ PlannerNodeConfig planner_config(const World& world, const WorldRobot& robot, co
   PlannerNodeConfig config = options.planner;
   config.robot_id = robot.id;
   config.planner.space.radius_m = robot.radius_m;
-  config.planner.map.static_map = world.static_map;
+  config.planner.static_map = world.static_map;
   SearchLimits& limits = config.planner.limits;
   limits.v_max_mps = limits_of(world, robot).speed_mps;
   limits.a_max_mps2 = limits_of(world, robot).acceleration_mps2;

@@ -188,7 +188,7 @@ TEST(Daemons, BadOptionsAreRefusedByNameValueAndRule) {
     write_text(directory / "bad.cfg", "robot-id = x\n");
     expect({"--config", config}, {config, "robot-id = x", "[0, 32767]"});
   }
-  expect_complaint({"map_daemon", "--resolution", "nan"}, {"--resolution nan", "[0.01, 1] m"});
+  expect_complaint({"map_daemon", "--resolution", "nan"}, {"--resolution nan", "[0, 1] m"});
   expect_complaint({"map_daemon", "--window", "10,10"}, {"--window 10,10", "three numbers"});
   expect_complaint({"map_daemon", "--horizon", "1.05"}, {"horizon", "1.05"});
   expect_complaint({"map_daemon", "--static-map", directory / "none.bt"}, {"none.bt"});

@@ -115,6 +115,19 @@ TEST_F(StaticMapTest, EqualsBruteForceOverLeaves) {
   }
 }
 
+// Leaves are whole voxels, or voxels whole leaves.
+TEST(StaticMap, VoxelsFitItsLeaves) {
+  for (const double leaf_m : {0.01, 0.02, 0.04, 0.05, 0.08, 0.1, 0.12, 0.16, 0.2, 0.25, 0.5, 1.0}) {
+    const double voxel_m = StaticMap::fitting_voxel_m(leaf_m);
+    const double ratio = std::max(voxel_m / leaf_m, leaf_m / voxel_m);
+    EXPECT_NEAR(ratio, std::round(ratio), 1e-9) << leaf_m;
+    EXPECT_GT(voxel_m, 0.067) << leaf_m;
+    EXPECT_LT(voxel_m, 0.15) << leaf_m;
+  }
+  EXPECT_EQ(StaticMap::fitting_voxel_m(0.05), 0.1);
+  EXPECT_EQ(StaticMap::fitting_voxel_m(0.08), 0.08);
+}
+
 TEST_F(StaticMapTest, CopyEqualsLookUpsAndKeepsWhatIsThere) {
   std::mt19937 rng(22);
   const octomap::OcTree tree = random_tree(0.5, &rng);  // 120 voxels and more along each axis: several words

@@ -42,7 +42,7 @@ Sogm standing_of(const Sogm& sogm) {
 }
 
 bool see(const Sogm& sogm, GlobalMap* map, const Vector3d& goal = kHere) {
-  return map->see(sogm, standing_of(sogm), goal);
+  return map->see(sogm, standing_of(sogm), goal, kBlocked_m);
 }
 
 bool knows(const GlobalMap& map, const Vector3d& place) {
@@ -95,7 +95,7 @@ TEST(GlobalMapTest, WhatTheFileHoldsIsBlocked) {
   }
   tree.writeBinary(path);
   const Vector3d low(-6, -6, -0.73), high(12.43, 6, 0.81);
-  GlobalMap map({path}, kBlocked_m, low, high);
+  GlobalMap map({path}, low, high);
   EXPECT_TRUE(map.empty()) << "the voxels are not known yet";
   EXPECT_TRUE(see(window_at(), &map));
   EXPECT_FALSE(map.empty());
@@ -107,13 +107,13 @@ TEST(GlobalMapTest, WhatTheFileHoldsIsBlocked) {
 }
 
 TEST(GlobalMapTest, RefusesWhatIsNoOctoMap) {
-  EXPECT_THROW(GlobalMap({"/nowhere.bt"}, kBlocked_m, kSpaceMin, kSpaceMax), std::runtime_error);
+  EXPECT_THROW(GlobalMap({"/nowhere.bt"}, kSpaceMin, kSpaceMax), std::runtime_error);
 }
 
 TEST(GlobalMapTest, TakesInWhatStandsStill) {
   Rng rng(2);
   const Vector3d low(-6, -6.5, -0.8), high(7, 6, 0.8);
-  GlobalMap map({}, kBlocked_m, low, high);
+  GlobalMap map({}, low, high);
   EXPECT_TRUE(map.empty());
   Sogm sogm = window_at();
   for (int i = 0; i < 15; ++i)
@@ -133,7 +133,7 @@ TEST(GlobalMapTest, TakesInWhatStandsStill) {
 
 // What moves covers and uncovers what stands behind it: next to it nothing is learned.
 TEST(GlobalMapTest, LeavesOutWhereSomethingMoves) {
-  GlobalMap map({}, kBlocked_m, kSpaceMin, kSpaceMax);
+  GlobalMap map({}, kSpaceMin, kSpaceMax);
   Sogm sogm = window_at();
   mark_column(&sogm, -4.4, -4.4);
   mark_column(&sogm, 4.4, 4.4);
@@ -153,7 +153,7 @@ TEST(GlobalMapTest, LeavesOutWhereSomethingMoves) {
 }
 
 TEST(GlobalMapTest, ForgetsWhatIsGoneWhereTheRobotIsNear) {
-  GlobalMap map({}, kBlocked_m, kSpaceMin, kSpaceMax);
+  GlobalMap map({}, kSpaceMin, kSpaceMax);
   Sogm sogm = window_at();
   mark_column(&sogm, 1.2, 1.2);
   mark_column(&sogm, -1.2, 1.2);
@@ -178,7 +178,7 @@ TEST(GlobalMapTest, ForgetsWhatIsGoneWhereTheRobotIsNear) {
 // The window has another height each time; above and below it nothing is forgotten.
 TEST(GlobalMapTest, ForgetsNothingAboveAndBelowTheWindow) {
   const Vector3d low(-4, -4, -4), high(4, 4, 4);
-  GlobalMap map({}, kBlocked_m, low, high);
+  GlobalMap map({}, low, high);
   Sogm sogm = window_at({0, 0, 0}, {6, 6, 6.6});  // two words
   mark_box(&sogm, {0.5, 0.5, -2.5}, {0.9, 0.9, -2.0});
   mark_box(&sogm, {0.5, 0.5, 0.0}, {0.9, 0.9, 0.5});
@@ -192,7 +192,7 @@ TEST(GlobalMapTest, ForgetsNothingAboveAndBelowTheWindow) {
 }
 
 TEST(GlobalMapTest, GrowingItKeepsWhatItKnows) {
-  GlobalMap map({}, kBlocked_m, kSpaceMin, kSpaceMax);
+  GlobalMap map({}, kSpaceMin, kSpaceMax);
   Sogm sogm = window_at();
   mark_column(&sogm, 4.5, -4.5);
   see(sogm, &map);
@@ -216,7 +216,7 @@ TEST(GlobalMapTest, GrowingItKeepsWhatItKnows) {
 
 TEST(GlobalMapTest, TheGridReachesJustBeyondTheFlightSpace) {
   const Vector3d low(-2, -3, -0.5), high(2.5, 3, 0.5);
-  GlobalMap map({}, kBlocked_m, low, high);
+  GlobalMap map({}, low, high);
   Sogm sogm = window_at();
   mark_column(&sogm, 0.0, 0.0);
   see(sogm, &map, {900, 0, 0});  // out of the flight space: no reason to grow
@@ -232,7 +232,7 @@ TEST(GlobalMapTest, TheGridReachesJustBeyondTheFlightSpace) {
 
 TEST(GlobalMapTest, NeverGrowsBeyondItsBounds) {
   const Vector3d far_away(1e5, 1e5, 3);
-  GlobalMap map({}, kBlocked_m, -far_away, far_away);
+  GlobalMap map({}, -far_away, far_away);
   Sogm sogm = window_at();
   mark_column(&sogm, 4.5, -4.5);
   for (const Vector3d& goal : {Vector3d(1e4, 0, 0), Vector3d(7e3, -7e3, 0), Vector3d(1e30, 0, 0)}) {
@@ -249,7 +249,7 @@ TEST(GlobalMapTest, NeverGrowsBeyondItsBounds) {
 
 // Voxels of another size: what was seen in the others is gone.
 TEST(GlobalMapTest, StartsAnewWithOtherVoxels) {
-  GlobalMap map({}, kBlocked_m, kSpaceMin, kSpaceMax);
+  GlobalMap map({}, kSpaceMin, kSpaceMax);
   Sogm sogm = window_at();
   mark_column(&sogm, 4.5, -4.5);
   see(sogm, &map);

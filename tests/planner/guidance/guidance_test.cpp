@@ -34,11 +34,11 @@ Sogm walled(bool has_door) {
 // And the map by itself: what is blocked is tested elsewhere.
 struct Guide {
   Guide(const Vector3d& low, const Vector3d& high, const std::string& file = "")
-      : guidance({file}, kApart_m, low, high), map({file}, kApart_m, low, high) {}
+      : guidance({file}, low, high), map({file}, low, high) {}
 
   void update(const Sogm& sogm, const Vector3d& goal) {
-    guidance.update(sogm, sogm, goal);
-    map.see(sogm, sogm, goal);
+    guidance.update(sogm, sogm, goal, kApart_m);
+    map.see(sogm, sogm, goal, kApart_m);
   }
   void work(int times) {
     for (int i = 0; i < times; ++i) guidance.work();

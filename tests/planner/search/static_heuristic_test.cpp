@@ -41,9 +41,8 @@ StaticScene random_scene(int trial, const Vector3d& size_m, Rng& rng) {
   if (trial % 3 == 0) {
     Sogm wide = empty_map(3 * size_m, 0.1, 1, Utime(), 100ms);
     for (int i = 0; i < 20; ++i) mark_ball(&wide, 0, in_box(rng, -3 * half, 3 * half), uniform(rng, 0.3, 1.2), true);
-    scene.guidance = std::make_unique<Guidance>(GlobalMapOptions(), kClearance_m, Vector3d(-9, -9, scene.low_z),
-                                                Vector3d(9, 9, scene.high_z));
-    scene.guidance->update(wide, wide, scene.goal);
+    scene.guidance = std::make_unique<Guidance>("", Vector3d(-9, -9, scene.low_z), Vector3d(9, 9, scene.high_z));
+    scene.guidance->update(wide, wide, scene.goal, kClearance_m);
   }
   return scene;
 }
@@ -126,10 +125,10 @@ TEST(StaticHeuristicTest, AGoalInAWallIsReachedBesideIt) {
     StaticHeuristic heuristic;
     const Vector3d goal(0.5 + depth_m, 0.05, 0.05);
     // Nothing comes in from the edge: it is a world of its own.
-    Guidance nowhere({}, kClearance_m, {-9, -9, -9}, {9, 9, 9});
+    Guidance nowhere({}, {-9, -9, -9}, {9, 9, 9});
     Sogm cage = empty_map({5, 5, 5}, 0.1, 1, Utime(), 100ms);
     mark_box(&cage, {-9, -9, -9}, {9, 9, 9});
-    nowhere.update(cage, cage, {1.0, 0.0, 0.0});
+    nowhere.update(cage, cage, {1.0, 0.0, 0.0}, kClearance_m);
     ASSERT_FALSE(nowhere.empty());
     heuristic.build({&standing}, kClearance_m, goal, -9, 9, &nowhere);
     EXPECT_EQ(heuristic.is_cut_off(), !is_reached) << depth_m;
@@ -257,8 +256,8 @@ TEST(StaticHeuristicTest, GoesOnAsTheGuidanceKnows) {
   Sogm wide = empty_map({16, 16, 2}, 0.1, 1, Utime(), 100ms);
   mark_box(&wide, {3.0, -4.5, -9}, {3.2, 99, 9});
   const Vector3d goal(5, 2, 0);
-  Guidance guidance({}, kClearance_m, {-6, -6, kLow}, {6, 6, kHigh});
-  guidance.update(wide, wide, goal);
+  Guidance guidance({}, {-6, -6, kLow}, {6, 6, kHigh});
+  guidance.update(wide, wide, goal, kClearance_m);
   ASSERT_FALSE(guidance.empty());
   StaticHeuristic heuristic;
   heuristic.build({&standing}, kClearance_m, goal, kLow, kHigh, &guidance);
@@ -272,7 +271,7 @@ TEST(StaticHeuristicTest, GoesOnAsTheGuidanceKnows) {
 
 TEST(StaticHeuristicTest, SaysNothingWhereNothingStands) {
   StaticHeuristic heuristic;
-  const Guidance guidance({}, kClearance_m, {-9, -9, -9}, {9, 9, 9});
+  const Guidance guidance({}, {-9, -9, -9}, {9, 9, 9});
   const Sogm standing = empty_map({2, 2, 2}, 0.1, 1, Utime(), 100ms);
   for (const Guidance* none : {static_cast<const Guidance*>(nullptr), &guidance}) {
     heuristic.build({&standing}, kClearance_m, Vector3d::Zero(), -1, 1, none);

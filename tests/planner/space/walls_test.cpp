@@ -93,6 +93,43 @@ TEST(Walls, ADoorIsOpenInItsMiddle) {
   for (double y = -0.29; y < 0.3; y += 0.02) EXPECT_EQ(walls.meet({0.05, y, 0.0}), std::abs(y) > 0.05) << y;
 }
 
+// Beside a wall along the lattice, and past its edges and corners: no voxel on the way is closed all through. And a
+// door that is open in its middle remains so.
+TEST(Walls, WaysLeadThroughNoVoxelThatAWallCloses) {
+  const TemporaryDirectory directory;
+  const std::string path = (directory.path() / "cube.bt").string();
+  for (const double voxel_m : {0.08, 0.1, 0.13}) {
+    octomap::OcTree tree(voxel_m);
+    const auto middle = static_cast<float>(voxel_m / 2);
+    tree.updateNode(octomap::point3d(middle, middle, middle), true);
+    ASSERT_TRUE(tree.writeBinary(path));
+    for (const double radius_m : {0.1, 0.15, 0.2, 0.3}) {
+      Walls walls(path, radius_m);
+      walls.set_resolution(voxel_m);
+      int open = 0, closed = 0;
+      const auto is_closed = [&](int x, int y, int z) {
+        bool all = true;
+        for (int k = 0; k < 8; ++k) all = all && walls.meet(2 * x + k % 2, 2 * y + k / 2 % 2, 2 * z + k / 4);
+        return all;
+      };
+      for (int x = -8; x <= 8; ++x) {
+        for (int y = -8; y <= 8; ++y) {
+          for (int z = -8; z <= 8; ++z) {
+            const bool is_way = Vector3d(x, y, z).norm() * voxel_m > walls.way_m();
+            open += is_way;
+            closed += !is_way;
+            EXPECT_FALSE(is_way && is_closed(x, y, z)) << x << " " << y << " " << z;
+          }
+        }
+      }
+      EXPECT_GT(open, closed);
+      int first = 1;  // voxel beside a wall whose middle is free
+      while ((first - 0.5) * voxel_m < radius_m + std::sqrt(3.0) / 4 * voxel_m + 0.005) ++first;
+      EXPECT_LT(walls.way_m(), first * voxel_m) << "a door would be closed";
+    }
+  }
+}
+
 TEST(Walls, WithoutAFileThereAreNone) {
   EXPECT_TRUE(Walls("", kRadius_m).empty());
   EXPECT_THROW(Walls("/nonexistent.bt", kRadius_m), std::runtime_error);
