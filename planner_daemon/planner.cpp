@@ -182,7 +182,8 @@ std::optional<Eigen::Vector3d> Planner::place_ahead(const PlanRequest& request) 
   if (!local_minimum_.leads(request.start_utime, request.goal, way_m, stands, v_max_mps(request))) return {};
   if (!voxel_ways_key_.serves(request, kStaticHeuristicAge)) {
     voxel_ways_.build(space_.compose_standing(*request.peers), space_.way_m(), request.goal,
-                      config_.limits.space_min.z(), config_.limits.space_max.z(), &guidance_, 1);
+                      config_.limits.space_min.z(), config_.limits.space_max.z(), &guidance_,
+                      StaticHeuristic::Detail::kVoxels);
     voxel_ways_key_ = cache_key(request);
   }
   const auto ahead = voxel_ways_.ahead(place, kAhead_m);

@@ -2,8 +2,6 @@
 
 #include <algorithm>
 #include <bit>
-#include <cmath>
-#include <limits>
 
 namespace swarm {
 
@@ -36,26 +34,13 @@ void Wavefront::seed(int x, int y, int w, std::uint64_t bits, int cost) {
 }
 
 double Wavefront::seed_goal(const Eigen::Vector3i& goal, double beside) {
-  double nearest2 = std::numeric_limits<double>::infinity();
-  const int reach = static_cast<int>(beside + 1e-9);
-  const Eigen::Vector3i first = (goal.array() - reach).max(0), last = (goal.array() + reach).min(size_.array() - 1);
-  const auto for_each_open = [&](const auto& visit) {
-    for (int x = first.x(); x <= last.x(); ++x) {
-      for (int y = first.y(); y <= last.y(); ++y) {
-        for (int z = first.z(); z <= last.z(); ++z) {
-          if ((open(x, y)[z / 64] >> z % 64 & 1) != 0) visit(Eigen::Vector3i(x, y, z));
-        }
-      }
-    }
+  const auto is_open = [&](const Eigen::Vector3i& voxel) {
+    const bool is_inside = (voxel.array() >= 0).all() && (voxel.array() < size_.array()).all();
+    return is_inside && (open(voxel.x(), voxel.y())[voxel.z() / 64] >> voxel.z() % 64 & 1) != 0;
   };
-  const auto distance2 = [&](const Eigen::Vector3i& voxel) { return (voxel - goal).cast<double>().squaredNorm(); };
-  for_each_open([&](const Eigen::Vector3i& voxel) { nearest2 = std::min(nearest2, distance2(voxel)); });
-  if (nearest2 > beside * beside + 1e-9) return std::numeric_limits<double>::infinity();
-  for_each_open([&](const Eigen::Vector3i& voxel) {
-    if (distance2(voxel) > nearest2 + 1e-9) return;
+  return for_each_nearest(goal, beside, is_open, [&](const Eigen::Vector3i& voxel) {
     seed(voxel.x(), voxel.y(), voxel.z() / 64, std::uint64_t{1} << voxel.z() % 64, straight_cost(voxel - goal));
   });
-  return std::sqrt(nearest2);
 }
 
 bool Wavefront::advance(std::int64_t max_words) {

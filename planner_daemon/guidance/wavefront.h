@@ -7,10 +7,36 @@
 #include <Eigen/Core>
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstdint>
+#include <limits>
 #include <vector>
 
 namespace swarm {
+
+// Visits the voxels that is_open(voxel) and that are the nearest to the goal, at most `beside` voxels away. Returns how
+// far these are [voxels]; infinity: there are none.
+template <class IsOpen, class Visit>
+double for_each_nearest(const Eigen::Vector3i& goal, double beside, const IsOpen& is_open, const Visit& visit) {
+  double nearest2 = std::numeric_limits<double>::infinity();
+  const int reach = static_cast<int>(beside + 1e-9);
+  const auto for_each_open = [&](const auto& look_at) {
+    for (int x = -reach; x <= reach; ++x) {
+      for (int y = -reach; y <= reach; ++y) {
+        for (int z = -reach; z <= reach; ++z) {
+          const Eigen::Vector3i way(x, y, z);
+          if (is_open(goal + way)) look_at(goal + way, way.cast<double>().squaredNorm());
+        }
+      }
+    }
+  };
+  for_each_open([&](const Eigen::Vector3i&, double distance2) { nearest2 = std::min(nearest2, distance2); });
+  if (nearest2 > beside * beside + 1e-9) return std::numeric_limits<double>::infinity();
+  for_each_open([&](const Eigen::Vector3i& voxel, double distance2) {
+    if (distance2 <= nearest2 + 1e-9) visit(voxel);
+  });
+  return std::sqrt(nearest2);
+}
 
 // A step goes to any of the 26 neighbours. It costs kStraight, and kDiagonal where it leads along x and y at once; what
 // it climbs or sinks on the way is free. So a way is nearly as short as it can be, although limits for each axis would

@@ -9,6 +9,16 @@ namespace {
 
 constexpr double kDetour_m = 1.0;
 
+// Bit k of the lower half: any of the bits 2 k and 2 k + 1.
+std::uint64_t pairs(std::uint64_t bits) {
+  bits = (bits | bits >> 1) & 0x5555'5555'5555'5555;
+  bits = (bits | bits >> 1) & 0x3333'3333'3333'3333;
+  bits = (bits | bits >> 2) & 0x0f0f'0f0f'0f0f'0f0f;
+  bits = (bits | bits >> 4) & 0x00ff'00ff'00ff'00ff;
+  bits = (bits | bits >> 8) & 0x0000'ffff'0000'ffff;
+  return (bits | bits >> 16) & 0x0000'0000'ffff'ffff;
+}
+
 }  // namespace
 
 CellSpan cells_between(double bottom_m, double cell_m, int num_cells, double low_m, double high_m) {
@@ -21,14 +31,15 @@ CellSpan cells_between(double bottom_m, double cell_m, int num_cells, double low
 }
 
 void StaticHeuristic::build(const Occupancy& standing, double blocked_m, const Eigen::Vector3d& goal,
-                            double space_min_z, double space_max_z, const Guidance* guidance, int cell_voxels) {
+                            double space_min_z, double space_max_z, const Guidance* guidance, Detail detail) {
   const GridGeometry& grid = standing.sogm->geometry;
   grid_ = grid;
-  cell_voxels_ = cell_voxels;
-  size_ = cell_voxels == kCellVoxels ? cells_in(grid) : (grid.size.array() / cell_voxels).matrix();
+  cell_voxels_ = detail == Detail::kCells && blocked_m >= kThickEnough * grid.resolution_m ? 2 : 1;
+  first_cell_ = lattice_cell(grid.origin);
+  size_ = lattice_cell(grid.origin + grid.size - Eigen::Vector3i::Ones()) - first_cell_ + Eigen::Vector3i::Ones();
   empty_ = true;
   is_cut_off_ = false;
-  if ((size_.array() <= 0).any()) return;
+  if ((cells_in(grid).array() <= 0).any()) return;
   const Columns all = all_columns(grid);
   const auto words = static_cast<std::size_t>(grid.words_per_column());
   const std::size_t row = static_cast<std::size_t>(grid.size.y()) * words;
@@ -44,38 +55,78 @@ void StaticHeuristic::build(const Occupancy& standing, double blocked_m, const E
   inside_.assign(words, 0);
   const auto voxel = [&](double z) { return z / grid.resolution_m - 0.5 - grid.origin.z(); };
   set_run(voxel(space_min_z) - 0.5, voxel(space_max_z) + 0.5, grid.size.z(), inside_.data());
-  front_.lay_out(grid.size, cell_voxels);
-  for (int x = 0; x < grid.size.x(); ++x) {
-    for (int y = 0; y < grid.size.y(); ++y) {
-      const std::uint64_t* blocked = blocked_.data() + static_cast<std::size_t>(x * grid.size.y() + y) * words;
-      for (std::size_t w = 0; w < words; ++w) front_.open(x, y)[w] = ~blocked[w] & inside_[w];
-    }
-  }
+  open_cells();
   goal_ = lattice_voxel(goal, grid.resolution_m);
-  (void)front_.seed_goal(goal_ - grid.origin, Guidance::kBeside_m / grid.resolution_m);
+  seed_goal();
   seed_edge(guidance != nullptr && !guidance->empty() ? guidance : nullptr);
   (void)front_.advance(std::numeric_limits<std::int64_t>::max());
-  is_cut_off_ = front_.cost(size_ / 2) == Wavefront::kUnreached;
+  is_cut_off_ = !start_of((lattice_cell(grid.origin + grid.size / 2) - first_cell_).cast<double>().array() + 0.5);
+}
+
+void StaticHeuristic::open_cells() {
+  const auto words = static_cast<std::size_t>(grid_.words_per_column());
+  front_.lay_out(size_, 1);
+  column_.resize(words);
+  const Eigen::Vector3i first = cell_voxels_ * first_cell_ - grid_.origin;  // their first voxel, or one before it
+  for (int x = 0; x < size_.x(); ++x) {
+    for (int y = 0; y < size_.y(); ++y) {
+      const Eigen::Vector2i low = first.head<2>() + cell_voxels_ * Eigen::Vector2i(x, y);
+      std::ranges::fill(column_, 0);
+      for (int at_x = std::max(0, low.x()); at_x < std::min(low.x() + cell_voxels_, grid_.size.x()); ++at_x) {
+        for (int at_y = std::max(0, low.y()); at_y < std::min(low.y() + cell_voxels_, grid_.size.y()); ++at_y) {
+          const std::uint64_t* blocked =
+              blocked_.data() + static_cast<std::size_t>(at_x * grid_.size.y() + at_y) * words;
+          for (std::size_t w = 0; w < words; ++w) column_[w] |= ~blocked[w] & inside_[w];
+        }
+      }
+      std::uint64_t* open = front_.open(x, y);
+      const int n = grid_.words_per_column();
+      for (int w = 0; w <= n; ++w) {
+        const std::uint64_t bits = word_of_column(column_.data(), n, w, first.z());
+        if (bits != 0) open[w / cell_voxels_] |= cell_voxels_ == 1 ? bits : pairs(bits) << 32 * (w % 2);
+      }
+    }
+  }
+}
+
+// At the voxels nearest to it: cells would lead around what stands there to be a little nearer.
+void StaticHeuristic::seed_goal() {
+  const auto is_reachable = [&](const Eigen::Vector3i& voxel) {
+    return is_open(voxel) && (inside_[static_cast<std::size_t>(voxel.z() / 64)] >> voxel.z() % 64 & 1) != 0;
+  };
+  const Eigen::Vector3i goal = goal_ - grid_.origin;
+  (void)for_each_nearest(goal, Guidance::kBeside_m / grid_.resolution_m, is_reachable, [&](const Eigen::Vector3i& at) {
+    const Eigen::Vector3i cell = lattice_cell(at + grid_.origin) - first_cell_;
+    front_.seed(cell.x(), cell.y(), cell.z() / 64, std::uint64_t{1} << cell.z() % 64,
+                Wavefront::straight_cost(at - goal) / cell_voxels_);
+  });
 }
 
 void StaticHeuristic::seed_edge(const Guidance* guidance) {
   const GridGeometry& grid = grid_;
   const bool is_guided = guidance != nullptr;
   const auto cost_beyond = [&](const Eigen::Vector3i& at) {
-    const Eigen::Vector3i place = at + grid.origin;
-    return is_guided ? guidance->cost(place) : Wavefront::straight_cost(place - goal_);
+    const Eigen::Vector3i cell = at + first_cell_, voxel = cell_voxels_ * cell;
+    if (!is_guided) return Wavefront::straight_cost(cell - lattice_cell(goal_));
+    int cost = guidance->cost(voxel);
+    if (cell_voxels_ == 2) cost = std::min(cost, guidance->cost(voxel + Eigen::Vector3i::Ones()));
+    return cost >= Wavefront::kUnreached ? cost : cost / cell_voxels_;
   };
-  // Above and below, the front starts only where the way does not go on beside the voxel, in the window: many fewer
-  // seeds. A guided cost is that of the best voxel of a cell: late seeds do not split the front as early ones would.
-  const int stride = is_guided ? Guidance::kCell : 1, late = is_guided ? Guidance::kCell * Wavefront::kStraight : 0;
+  // Above and below, the front starts only where the way does not go on beside the cell, in the window: many fewer
+  // seeds. A guided cost is that of the best voxel of kCell: late seeds do not split the front as early ones would.
+  const int stride = is_guided ? Guidance::kCell / cell_voxels_ : 1,
+            late = is_guided ? stride * Wavefront::kStraight : 0;
   Eigen::Vector2i beside = {stride, 0};  // where it went on last
   const auto goes_on_beside = [&](const Eigen::Vector3i& at, int cost, const Eigen::Vector2i& step) {
     const Eigen::Vector3i next(at.x() + step.x(), at.y() + step.y(), at.z());
-    const bool is_inside = next.x() >= 0 && next.y() >= 0 && next.x() < grid.size.x() && next.y() < grid.size.y();
+    const bool is_inside = next.x() >= 0 && next.y() >= 0 && next.x() < size_.x() && next.y() < size_.y();
     if (!is_inside || cost_beyond(next) > cost - Wavefront::straight_cost({step.x(), step.y(), 0})) return false;
     return is_guided || (front_.open(next.x(), next.y())[next.z() / 64] >> next.z() % 64 & 1) != 0;
   };
+  const bool leads_below = (inside_.front() & 1) != 0;
+  const bool leads_above = (inside_.back() >> (grid.size.z() - 1) % 64 & 1) != 0;
   const auto cost_above = [&](const Eigen::Vector3i& at) {
+    if (!(at.z() == 0 ? leads_below : leads_above)) return int{Wavefront::kUnreached};
     const int cost = cost_beyond(at);
     if (cost >= Wavefront::kUnreached || goes_on_beside(at, cost, beside)) return int{Wavefront::kUnreached};
     for (int k = 0; k < 9; ++k) {
@@ -87,7 +138,7 @@ void StaticHeuristic::seed_edge(const Guidance* guidance) {
     return cost + late;
   };
   front_.seed_edge([&](const Eigen::Vector3i& at) {
-    const bool is_side = at.x() == 0 || at.y() == 0 || at.x() == grid.size.x() - 1 || at.y() == grid.size.y() - 1;
+    const bool is_side = at.x() == 0 || at.y() == 0 || at.x() == size_.x() - 1 || at.y() == size_.y() - 1;
     return is_side ? cost_beyond(at) : cost_above(at);
   });
 }
@@ -105,8 +156,8 @@ std::optional<Eigen::Vector3d> StaticHeuristic::nearest_apart(const Eigen::Align
   for (int x = 0; x < size_.x(); ++x) {
     for (int y = 0; y < size_.y(); ++y) {
       for (int z = 0; z < size_.z(); ++z) {
-        const Eigen::Vector3d place = grid_.origin.cast<double>() * grid_.resolution_m +
-                                      (Eigen::Vector3d(x, y, z).array() + 0.5).matrix() * cell_m();
+        const Eigen::Vector3d place =
+            ((Eigen::Vector3i(x, y, z) + first_cell_).cast<double>().array() + 0.5) * cell_m();
         const int cost = front_.cost({x, y, z});
         if (cost >= least || !is_open(grid_.voxel_of(place)) || !space.contains(place) || !is_apart(place)) continue;
         least = cost;
@@ -127,9 +178,25 @@ bool StaticHeuristic::sees(const Eigen::Vector3d& from, const Eigen::Vector3d& t
   return true;
 }
 
+// A robot may be a little closer to what stands still than ways lead.
+std::optional<Eigen::Vector3i> StaticHeuristic::start_of(const Eigen::Vector3d& from) const {
+  const Eigen::Vector3i middle = from.array().floor().matrix().cast<int>();
+  if (!has_cell(middle)) return {};
+  std::optional<Eigen::Vector3i> nearest;
+  double least = std::numeric_limits<double>::infinity();
+  for (int k = 0; k < 27; ++k) {
+    const Eigen::Vector3i cell = middle + Eigen::Vector3i(k / 9, k / 3 % 3, k % 3) - Eigen::Vector3i::Ones();
+    const double away = cell == middle ? 0.0 : ((cell.cast<double>().array() + 0.5).matrix() - from).norm();
+    if (away >= least || !has_cell(cell) || front_.cost(cell) == Wavefront::kUnreached) continue;
+    least = away;
+    nearest = cell;
+  }
+  return nearest;
+}
+
 int StaticHeuristic::cost(const Eigen::Vector3d& place) const {
-  const Eigen::Vector3i cell = in_cells(place).array().floor().matrix().cast<int>();
-  return !empty_ && has_cell(cell) ? front_.cost(cell) : Wavefront::kUnreached;
+  const auto start = empty_ ? std::nullopt : start_of(in_cells(place));
+  return start ? cost_at(*start) : Wavefront::kUnreached;
 }
 
 std::optional<StaticHeuristic::Subgoal> StaticHeuristic::subgoal(const Eigen::Vector3d& place) const {
@@ -147,16 +214,17 @@ std::optional<StaticHeuristic::Subgoal> StaticHeuristic::ahead(const Eigen::Vect
 // From cell to cell: each but the cheapest has a cheaper neighbour. The level ones come first.
 std::optional<StaticHeuristic::Subgoal> StaticHeuristic::descend(const Eigen::Vector3d& place, int least) const {
   const Eigen::Vector3d from = in_cells(place);
-  Eigen::Vector3i cell = from.array().floor().matrix().cast<int>();
-  if (!has_cell(cell)) return {};
+  const auto start = start_of(from);
+  if (!start) return {};
+  Eigen::Vector3i cell = *start;
   std::optional<Subgoal> farthest;
-  for (int cost = front_.cost(cell); cost > least;) {
+  for (int cost = cost_at(cell); cost > least;) {
     Eigen::Vector3i best = cell;
     for (const int dz : {0, -1, 1}) {
       for (int dx = -1; dx <= 1; ++dx) {
         for (int dy = -1; dy <= 1; ++dy) {
           const Eigen::Vector3i next = cell + Eigen::Vector3i(dx, dy, dz);
-          if (has_cell(next) && front_.cost(next) < cost) cost = front_.cost(next), best = next;
+          if (has_cell(next) && cost_at(next) < cost) cost = cost_at(next), best = next;
         }
       }
     }
@@ -164,32 +232,35 @@ std::optional<StaticHeuristic::Subgoal> StaticHeuristic::descend(const Eigen::Ve
     cell = best;
     const Eigen::Vector3d middle = cell.cast<double>().array() + 0.5;
     if (farthest && !sees(from, middle)) break;  // the first one is near in any case
-    farthest = Subgoal{grid_.origin.cast<double>() * grid_.resolution_m + middle * cell_m(), cost};
+    farthest = Subgoal{(first_cell_.cast<double>() + middle) * cell_m(), cost};
   }
   return farthest;
 }
 
 void StaticHeuristic::ticks(const Eigen::Vector3i& origin, int x, int first_y, int num_y, int num_z, std::size_t stride,
                             int per_cell, std::int16_t far, std::int16_t* out) const {
-  const Eigen::Vector3i moved = origin - grid_.origin;  // voxels
-  const auto whole = [&](int axis) {
-    return moved[axis] >= 0 ? moved[axis] / kCellVoxels : (moved[axis] + 1) / kCellVoxels - 1;
+  const auto at = [&](int voxel, int axis) { return lattice_cell(voxel + origin[axis]) - first_cell_[axis]; };
+  const auto first = [&](int cell, int axis) { return std::max(0, at(kCellVoxels * cell, axis)); };
+  const auto last = [&](int cell, int axis) {
+    return std::min(size_[axis] - 1, at(kCellVoxels * (cell + 1) - 1, axis));
   };
-  const Eigen::Vector3i cells(whole(0), whole(1), whole(2));
-  const Eigen::Vector3i more = ((moved - kCellVoxels * cells).array() != 0).cast<int>();  // overlap one more cell each
+  const int low_z = first(0, 2), num = std::max(0, last(num_z - 1, 2) + 1 - low_z);
+  nearest_.resize(static_cast<std::size_t>(num));
+  Wavefront::Cost* nearest = nearest_.data();  // of the columns that overlap
   for (int y = first_y; y < first_y + num_y; ++y, out += stride) {
     std::fill_n(out, stride, far);
-    for (int at_x = x + cells.x(); at_x <= x + cells.x() + more.x(); ++at_x) {
-      for (int at_y = y + cells.y(); at_y <= y + cells.y() + more.y(); ++at_y) {
-        if (at_x < 0 || at_x >= size_.x() || at_y < 0 || at_y >= size_.y()) continue;
-        const Wavefront::Cost* costs = front_.column(at_x, at_y);
-        for (int z = 0; z < num_z; ++z) {
-          for (int at_z = z + cells.z(); at_z <= z + cells.z() + more.z(); ++at_z) {
-            if (at_z < 0 || at_z >= size_.z() || costs[at_z] == Wavefront::kUnreached) continue;
-            out[z] = static_cast<std::int16_t>(std::min<int>(ticks_of(costs[at_z], per_cell), out[z]));
-          }
-        }
+    std::fill_n(nearest, num, Wavefront::kUnreached);
+    for (int at_x = first(x, 0); at_x <= last(x, 0); ++at_x) {
+      for (int at_y = first(y, 1); at_y <= last(y, 1); ++at_y) {
+        const Wavefront::Cost* column = front_.column(at_x, at_y) + low_z;
+        for (int z = 0; z < num; ++z) nearest[z] = std::min(nearest[z], column[z]);
       }
+    }
+    for (int z = 0; z < num_z; ++z) {
+      Wavefront::Cost cost = Wavefront::kUnreached;
+      for (int at_z = first(z, 2); at_z <= last(z, 2); ++at_z) cost = std::min(cost, nearest[at_z - low_z]);
+      if (cost < Wavefront::kUnreached)
+        out[z] = static_cast<std::int16_t>(std::min<int>(ticks_of(cell_voxels_ * cost, per_cell), far));
     }
   }
 }

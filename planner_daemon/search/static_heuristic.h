@@ -33,12 +33,17 @@ CellSpan cells_between(double bottom_m, double cell_m, int num_cells, double low
 
 class StaticHeuristic {
  public:
+  // Ways lead through cells of two voxels along each edge, open where any of these is: eight times fewer. Walls that
+  // are grown by kThickEnough voxels have no holes in cells either, however they stand; if `blocked_m` is less, and
+  // with kVoxels, ways lead from voxel to voxel.
+  enum class Detail { kCells, kVoxels };
+  static constexpr double kThickEnough = 2.45;
+
   // Least ways to `goal` from every voxel that is farther than `blocked_m` from what is occupied in frame 0 of
   // `standing` and within [space_min_z, space_max_z] (sideways the flight space is open in practice). From the window's
-  // edge the way goes on as `guidance` knows it; null: straight. Empty when nothing stands in the way. Ways are kept
-  // for cells of `cell_voxels` along each edge.
+  // edge the way goes on as `guidance` knows it; null: straight. Empty when nothing stands in the way.
   void build(const Occupancy& standing, double blocked_m, const Eigen::Vector3d& goal, double space_min_z,
-             double space_max_z, const Guidance* guidance, int cell_voxels = kCellVoxels);
+             double space_max_z, const Guidance* guidance, Detail detail = Detail::kCells);
 
   // It knows nothing that a straight way does not.
   bool empty() const { return empty_; }
@@ -75,14 +80,16 @@ class StaticHeuristic {
   // Least ways to the goal [ticks, `per_cell` of them to a straight step of one cell], at most `far`, from the nearest
   // voxel of each cell; `far` where there is none. Of cells (x, y, z) with y in `first_y` and the following num_y - 1,
   // z in [0, num_z): to `out`, columns `stride` apart, with `far` in between. Cells of a window like that of build()
-  // that begins at `origin` of the lattice: a little later it has moved with the robot. Moved by a part of a cell, the
-  // least of the cells that overlap. Cells of kCellVoxels only.
+  // that begins at `origin` of the lattice: a little later it has moved with the robot. The least of the cells of ways
+  // that overlap.
   void ticks(const Eigen::Vector3i& origin, int x, int first_y, int num_y, int num_z, std::size_t stride, int per_cell,
              std::int16_t far, std::int16_t* out) const;
 
   static int ticks_of(int cost, int per_cell) { return cost * per_cell / (kCellVoxels * Wavefront::kStraight); }
 
  private:
+  void open_cells();  // where any of their voxels is
+  void seed_goal();
   // From the outermost voxels on, where the way goes on: by the guidance, or straight (null).
   void seed_edge(const Guidance* guidance);
   bool is_open(const Eigen::Vector3i& voxel) const {
@@ -90,28 +97,39 @@ class StaticHeuristic {
     const Eigen::Index at = (Eigen::Index{voxel.x()} * grid_.size.y() + voxel.y()) * words + voxel.z() / 64;
     return grid_.contains(voxel) && (blocked_[static_cast<std::size_t>(at)] >> voxel.z() % 64 & 1) == 0;
   }
-  double cell_m() const { return cell_voxels_ * grid_.resolution_m; }
-  // Place in cells of the window.
-  Eigen::Vector3d in_cells(const Eigen::Vector3d& place) const {
-    return (place - grid_.origin.cast<double>() * grid_.resolution_m) / cell_m();
+  int cost_at(const Eigen::Vector3i& cell) const {
+    return std::min<int>(Wavefront::kUnreached, cell_voxels_ * front_.cost(cell));
   }
+  double cell_m() const { return cell_voxels_ * grid_.resolution_m; }
+  // Of the lattice too: they stay where they are while the window moves.
+  int lattice_cell(int voxel) const { return voxel >> (cell_voxels_ - 1); }
+  Eigen::Vector3i lattice_cell(const Eigen::Vector3i& voxel) const {
+    return {lattice_cell(voxel.x()), lattice_cell(voxel.y()), lattice_cell(voxel.z())};
+  }
+  // Place in cells of the window.
+  Eigen::Vector3d in_cells(const Eigen::Vector3d& place) const { return place / cell_m() - first_cell_.cast<double>(); }
   bool has_cell(const Eigen::Vector3i& cell) const {
     return (cell.array() >= 0).all() && (cell.array() < size_.array()).all();
   }
+  // The cell of a place (in cells), or the nearest one around it from which a way leads; none: there is none.
+  std::optional<Eigen::Vector3i> start_of(const Eigen::Vector3d& from) const;
   bool sees(const Eigen::Vector3d& from, const Eigen::Vector3d& to) const;  // in cells of the window
   // Down the costs from `place` to the last place that is seen from there, above the cost `least`.
   std::optional<Subgoal> descend(const Eigen::Vector3d& place, int least) const;
 
   bool empty_ = true, is_cut_off_ = false;
-  GridGeometry grid_;                               // the window
-  Eigen::Vector3i goal_ = Eigen::Vector3i::Zero();  // voxel of the lattice
-  int cell_voxels_ = kCellVoxels;
-  Eigen::Vector3i size_ = Eigen::Vector3i::Zero();  // cells
+  GridGeometry grid_;                                     // the window
+  Eigen::Vector3i goal_ = Eigen::Vector3i::Zero();        // voxel of the lattice
+  int cell_voxels_ = 1;                                   // along each edge: 1 or 2
+  Eigen::Vector3i first_cell_ = Eigen::Vector3i::Zero();  // of the lattice
+  Eigen::Vector3i size_ = Eigen::Vector3i::Zero();        // cells
   Dilator dilator_;
   std::vector<Layer> layers_;
   std::vector<std::uint64_t> blocked_;  // columns
   std::vector<std::uint64_t> inside_;   // of a column: within the flight space
+  std::vector<std::uint64_t> column_;   // scratch of open_cells()
   Wavefront front_;
+  mutable std::vector<Wavefront::Cost> nearest_;  // scratch of ticks()
 };
 
 }  // namespace swarm

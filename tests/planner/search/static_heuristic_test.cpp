@@ -48,7 +48,7 @@ StaticScene random_scene(int trial, const Vector3d& size_m, Rng& rng) {
 }
 
 struct Comparison {
-  int cells = 0, unreached = 0, detours = 0, cut_off = 0;
+  int cells = 0, unreached = 0, detours = 0, cut_off = 0, coarse = 0;
 };
 
 // Looked up from its own window, and from one that has moved since.
@@ -58,14 +58,15 @@ void compare(const StaticScene& scene, const StaticHeuristic& heuristic, const P
   if (heuristic.empty()) return;
   ASSERT_EQ(heuristic.is_cut_off(), plain.is_cut_off());
   sum->cut_off += plain.is_cut_off();
-  const int num_z = plain.cells.z() + 2, stride = num_z + 3;
+  const Vector3i cells = cells_in(plain.grid);
+  const int num_z = cells.z() + 2, stride = num_z + 3;
   for (int move = 0; move < 3; ++move) {
     const Vector3i moved = move == 0
                                ? Vector3i::Zero().eval()
                                : Vector3i(uniform_int(rng, -7, 7), uniform_int(rng, -7, 7), uniform_int(rng, -4, 4));
     const Vector3i origin = plain.grid.origin + moved;
-    for (int x = -1; x <= plain.cells.x(); ++x) {
-      const int first_y = uniform_int(rng, -1, 2), num_y = uniform_int(rng, 1, plain.cells.y());
+    for (int x = -1; x <= cells.x(); ++x) {
+      const int first_y = uniform_int(rng, -1, 2), num_y = uniform_int(rng, 1, cells.y());
       std::vector<std::int16_t> out(static_cast<std::size_t>(num_y * stride), 7);
       heuristic.ticks(origin, x, first_y, num_y, num_z, static_cast<std::size_t>(stride), kPerCell, kTooFar,
                       out.data());
@@ -88,8 +89,11 @@ void compare_random(int trial, const Vector3d& size_m, Rng& rng, StaticHeuristic
   const StaticScene scene = random_scene(trial, size_m, rng);
   SCOPED_TRACE(testing::Message() << "trial " << trial << ", goal " << scene.goal.transpose());
   const Guidance* guidance = scene.guidance.get();
-  heuristic->build({&scene.standing}, kClearance_m, scene.goal, scene.low_z, scene.high_z, guidance);
-  const PlainStaticHeuristic plain(scene.standing, kClearance_m, scene.goal, scene.low_z, scene.high_z, guidance);
+  const auto detail = trial % 4 == 3 ? StaticHeuristic::Detail::kVoxels : StaticHeuristic::Detail::kCells;
+  const double blocked_m = trial % 4 == 1 ? 0.2 : kClearance_m;  // walls of four voxels are too thin for cells
+  heuristic->build({&scene.standing}, blocked_m, scene.goal, scene.low_z, scene.high_z, guidance, detail);
+  const PlainStaticHeuristic plain(scene.standing, blocked_m, scene.goal, scene.low_z, scene.high_z, guidance, detail);
+  sum->coarse += plain.edge == 2;
   ASSERT_NO_FATAL_FAILURE(compare(scene, *heuristic, plain, rng, sum));
 }
 
@@ -105,6 +109,7 @@ TEST(StaticHeuristicTest, EqualsAPlainDijkstraSearch) {
   EXPECT_GT(sum.detours, 500);
   EXPECT_GT(sum.cut_off, 1);
   EXPECT_LT(sum.cut_off, 16);
+  EXPECT_EQ(sum.coarse, 12);
 }
 
 // Columns of several words.
@@ -117,21 +122,51 @@ TEST(StaticHeuristicTest, EqualsAPlainDijkstraSearchInHighWindows) {
   EXPECT_GT(sum.cells, 3'000);
 }
 
+// Nothing comes in from the edge: the window is a world of its own.
+std::unique_ptr<Guidance> to_nowhere(double half_m) {
+  auto nowhere = std::make_unique<Guidance>("", Vector3d::Constant(-9), Vector3d::Constant(9));
+  Sogm cage = empty_map(Vector3d::Constant(2 * half_m), 0.1, 1, Utime(), 100ms);
+  mark_box(&cage, {-9, -9, -9}, {9, 9, 9});
+  nowhere->update(cage, cage, {1.0, 0.0, 0.0}, kClearance_m);
+  return nowhere;
+}
+
 // In a wall the way ends beside the goal when it lies at most 0.8 m deep; deeper, nowhere.
 TEST(StaticHeuristicTest, AGoalInAWallIsReachedBesideIt) {
   Sogm standing = empty_map({5, 3, 3}, 0.1, 1, Utime(), 100ms);
   mark_box(&standing, {0.7, -9, -9}, {2.9, 9, 9});  // blocked from 0.5 m on
+  const auto nowhere = to_nowhere(2.5);
+  ASSERT_FALSE(nowhere->empty());
   for (const auto& [depth_m, is_reached] : {std::pair{0.05, true}, {0.45, true}, {0.75, true}, {0.85, false}}) {
     StaticHeuristic heuristic;
     const Vector3d goal(0.5 + depth_m, 0.05, 0.05);
-    // Nothing comes in from the edge: it is a world of its own.
-    Guidance nowhere({}, {-9, -9, -9}, {9, 9, 9});
-    Sogm cage = empty_map({5, 5, 5}, 0.1, 1, Utime(), 100ms);
-    mark_box(&cage, {-9, -9, -9}, {9, 9, 9});
-    nowhere.update(cage, cage, {1.0, 0.0, 0.0}, kClearance_m);
-    ASSERT_FALSE(nowhere.empty());
-    heuristic.build({&standing}, kClearance_m, goal, -9, 9, &nowhere);
+    heuristic.build({&standing}, kClearance_m, goal, -9, 9, nowhere.get());
     EXPECT_EQ(heuristic.is_cut_off(), !is_reached) << depth_m;
+  }
+}
+
+// Walls of a single voxel, however they stand: cells of two voxels have no holes where voxels have none.
+TEST(StaticHeuristicTest, TheThinnestWallsAreClosed) {
+  const auto nowhere = to_nowhere(2.5);
+  ASSERT_FALSE(nowhere->empty());
+  Rng rng(7);
+  StaticHeuristic heuristic;
+  for (int trial = 0; trial < 300; ++trial) {
+    Vector3d normal = in_box(rng, -Vector3d::Ones(), Vector3d::Ones()).normalized();
+    if (trial % 3 == 0) normal = Vector3d(normal.x(), trial % 2 == 0 ? 0.0 : normal.x(), 0.0).normalized();
+    const double distance_m = uniform(rng, 0.45, 0.8);
+    Sogm standing = empty_map({3, 3, 3}, 0.1, 1, Utime(), 100ms);
+    PlainWays(standing.geometry.size).for_each_voxel([&](const Vector3i& v) {
+      const double away_m = std::abs(normal.dot(standing.geometry.center_of(v)) - distance_m);
+      if (away_m <= 0.05 * normal.cwiseAbs().maxCoeff() + 1e-9) set_voxel(&standing, 0, v);
+    });
+    const Vector3d goal = std::min(2.0 * distance_m, 1.4) * normal;
+    for (const double blocked_m : {0.1 * StaticHeuristic::kThickEnough, 0.31}) {
+      heuristic.build({&standing}, blocked_m, goal, -9, 9, nowhere.get());
+      ASSERT_TRUE(heuristic.is_cut_off()) << "normal " << normal.transpose() << ", " << distance_m << " m away";
+      heuristic.build({&standing}, blocked_m, -goal, -9, 9, nowhere.get());
+      ASSERT_FALSE(heuristic.is_cut_off());
+    }
   }
 }
 
@@ -192,17 +227,16 @@ TEST(StaticHeuristicTest, SubgoalsLeadAroundWhatStandsStill) {
     heuristic.build({&scene.standing}, kClearance_m, scene.goal, scene.low_z, scene.high_z, nullptr);
     if (heuristic.is_cut_off()) continue;
     const PlainStaticHeuristic plain(scene.standing, kClearance_m, scene.goal, scene.low_z, scene.high_z, nullptr);
-    const Vector3d corner = plain.grid.origin.cast<double>() * 0.1;
-    const double cell_m = 0.1 * kCellVoxels;
+    const double cell_m = 0.1 * plain.edge;
     const auto cell_of = [&](const Vector3d& place) -> Vector3i {
-      return ((place - corner) / cell_m).array().floor().matrix().cast<int>();
+      return (place / cell_m).array().floor().matrix().cast<int>() - plain.first_cell;
     };
     for (int i = 0; i < 60; ++i) {
       const Vector3d place =
           i % 3 == 0 ? in_box(rng, {-3, -3, -0.3}, {3, 3, 0.3}) : in_box(rng, {-1, -1, -0.3}, {1, 1, 0.3});
       SCOPED_TRACE(testing::Message() << "trial " << trial << " from " << place.transpose() << " to "
                                       << scene.goal.transpose());
-      const int cost = plain.cost(cell_of(place));
+      const int cost = plain.cost_from(place);
       if (cost == PlainWays::kNone) continue;
       const bool is_detour = cost - Wavefront::straight_cost(plain.goal_voxel - plain.grid.voxel_of(place)) >= 50;
       const auto subgoal = heuristic.subgoal(place);
@@ -216,13 +250,14 @@ TEST(StaticHeuristicTest, SubgoalsLeadAroundWhatStandsStill) {
       ++found;
       ASSERT_LT(subgoal->cost, cost);
       ASSERT_EQ(subgoal->cost, plain.cost(cell_of(subgoal->position)));
+      if (plain.cost(cell_of(place)) == PlainWays::kNone) continue;  // it begins beside
       // Seen from there: nowhere on the line a cell that is reached is farther than a quarter of its edge away.
       for (double s = 0.0; s <= 1.0; s += 0.01) {
         const Vector3d at = place + s * (subgoal->position - place);
         bool is_reached = false;
         for (int k = 0; k < 8; ++k) {
           const Vector3d beside = at + 0.26 * cell_m * (Vector3d(k & 1, k >> 1 & 1, k >> 2).array() * 2 - 1).matrix();
-          const Vector3i cell = cell_of(beside).cwiseMax(0).cwiseMin(plain.cells - Vector3i::Ones());
+          const Vector3i cell = cell_of(beside).cwiseMax(0).cwiseMin(plain.ways.size - Vector3i::Ones());
           is_reached = is_reached || plain.cost(cell) != PlainWays::kNone;
         }
         ASSERT_TRUE(is_reached) << at.transpose();
