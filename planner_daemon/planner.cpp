@@ -148,26 +148,39 @@ bool Planner::is_slow(const PlanRequest& request) const {
   return !space_time_key_.serves(request, kSpaceTimeHeuristicAge);
 }
 
-void Planner::build_heuristics(const PlanRequest& request) {
-  const SearchLimits& limits = config_.limits;
-  const bool is_there = (reachable_.center - request.goal).norm() < kAtGoal_m;
-  if (!static_key_.serves(request, is_there ? kAtGoalAge : kStaticHeuristicAge)) {  // what stands still changes slowly
-    const Occupancy standing = space_.compose_standing(*request.peers);
-    if (!request.is_aside) {
-      guidance_.reconsider(reachable_.center);
-      guidance_.update(*request.sogm, *standing.sogm, request.goal, space_.way_m());
-    }
-    const Guidance* guidance = request.is_aside ? nullptr : &guidance_;
-    static_heuristic_.build(standing, space_.way_m(), request.goal, limits.space_min.z(), limits.space_max.z(),
-                            guidance);
-    if (static_heuristic_.is_cut_off()) {  // by peers that hover in the way: they may go on
-      static_heuristic_.build({standing.sogm, nullptr}, space_.way_m(), request.goal, limits.space_min.z(),
-                              limits.space_max.z(), guidance);
-    }
-    static_key_ = cache_key(request);
+void Planner::prepare(const PlanRequest& request) {
+  const Duration age = request.sogm->start_utime - static_key_.utime;
+  if (age > 0us && age >= static_heuristic_age(request) * 4 / 5) {
+    renew_static_heuristic(request);
   } else {
     guidance_.work();
   }
+}
+
+// What stands still changes slowly.
+Duration Planner::static_heuristic_age(const PlanRequest& request) const {
+  return (reachable_.center - request.goal).norm() < kAtGoal_m ? kAtGoalAge : kStaticHeuristicAge;
+}
+
+void Planner::renew_static_heuristic(const PlanRequest& request) {
+  const SearchLimits& limits = config_.limits;
+  const Occupancy standing = space_.compose_standing(*request.peers);
+  if (!request.is_aside) {
+    guidance_.reconsider(reachable_.center);
+    guidance_.update(*request.sogm, *standing.sogm, request.goal, space_.way_m());
+  }
+  const Guidance* guidance = request.is_aside ? nullptr : &guidance_;
+  static_heuristic_.build(standing, space_.way_m(), request.goal, limits.space_min.z(), limits.space_max.z(), guidance);
+  if (static_heuristic_.is_cut_off()) {  // by peers that hover in the way: they may go on
+    static_heuristic_.build({standing.sogm, nullptr}, space_.way_m(), request.goal, limits.space_min.z(),
+                            limits.space_max.z(), guidance);
+  }
+  static_key_ = cache_key(request);
+}
+
+void Planner::build_heuristics(const PlanRequest& request) {
+  const SearchLimits& limits = config_.limits;
+  if (!static_key_.serves(request, static_heuristic_age(request))) renew_static_heuristic(request);
   space_time_heuristic_.build(space_.occupancy(), config_.space.blocked_m(), &static_heuristic_, reachable_,
                               request.goal, limits.space_min, limits.space_max);
   space_time_key_ = cache_key(request);
@@ -204,10 +217,7 @@ std::optional<Eigen::Vector3d> Planner::refuge(const PlanRequest& request, const
 }
 
 SearchStatus Planner::search(const PlanRequest& request) {
-  if (is_slow(request))
-    build_heuristics(request);
-  else
-    guidance_.work();
+  if (is_slow(request)) build_heuristics(request);
   if (!request.is_aside) result_.is_unreachable = guidance_.is_unreachable(reachable_.center);
   const auto ahead = place_ahead(request);
   SearchProblem& problem = search_problem_;

@@ -91,7 +91,10 @@ class Planner {
   explicit Planner(const PlannerConfig& config, Stopwatch stopwatch = nullptr);
 
   const PlanResult& plan(const PlanRequest& request);
-  // Whether that takes several times as long as other plans: its heuristics are to be built anew.
+  // What may wait until the newest plan is out: what looks far ahead is worked out for the next ones, from that plan's
+  // request. Where nobody calls it, plans do so themselves when it is due.
+  void prepare(const PlanRequest& request);
+  // Whether a plan takes several times as long as other plans: its heuristics are to be built anew.
   bool is_slow(const PlanRequest& request) const;
 
   // The robot has come no nearer to its goal for some seconds.
@@ -125,6 +128,8 @@ class Planner {
   double v_max_mps(const PlanRequest& request) const { return std::min(config_.limits.v_max_mps, request.v_max_mps); }
 
   void compose(const PlanRequest& request);
+  Duration static_heuristic_age(const PlanRequest& request) const;  // so long it serves
+  void renew_static_heuristic(const PlanRequest& request);
   SearchStatus search(const PlanRequest& request);
   // Where a robot in a local minimum goes next: along the way past all that stands still, as far as it sees. None: it
   // is in none.

@@ -309,6 +309,7 @@ void PlannerNode::plan(Utime now, Outbox& outbox) {
     publish_corridors(now, outbox);
   }
   publish_status(now, planning_state(), outbox);
+  planner_.prepare(request_);
 }
 
 std::int16_t PlannerNode::planning_state() const {

@@ -182,6 +182,7 @@ struct Flight {
       raw += result.outcome == PlanOutcome::kRaw;
       unsafe += result.outcome == PlanOutcome::kUnsafe;
       if (result.fly) own.next = result.trajectory;
+      planner.prepare(request);
       for (Utime t = now; t < now + kPeriod; t += 1ms) states.push_back(own.at(t));
     }
   }
@@ -271,6 +272,33 @@ TEST(PlannerTest, KeepsOutOfWhatWasRecentlyOccupied) {
   const int without = samples_there(0.0);
   EXPECT_GT(without, 10);
   EXPECT_LT(samples_there(0.8), without / 3);
+}
+
+// A dead end appears in front of the robot: whoever prepares the next plans knows it before what looks far ahead is
+// due.
+TEST(PlannerTest, LooksFarAheadBetweenPlans) {
+  const Vector3d from(0.03, 0.03, 0.02), goal(4, 0.03, 0.02);
+  PlannerConfig config = flat_config();
+  config.limits.space_min.z() = -0.7;  // no way leads over the walls
+  config.limits.space_max.z() = 0.7;
+  const auto end_x = [&](bool prepares) {
+    Planner planner(config);
+    double x = NAN;
+    for (const auto& [after, is_closed] : {std::pair{0ms, false}, {160ms, false}, {200ms, true}, {240ms, true}}) {
+      Sogm sogm = map_at(kStart + after);
+      if (is_closed) {
+        mark_box(&sogm, {0.8, -1.3, -9}, {1.0, 1.3, 9});
+        for (const double side : {-1.3, 1.2}) mark_box(&sogm, {-0.8, side, -9}, {1.0, side + 0.1, 9});
+      }
+      const PlanRequest request = make_request(sogm, hovering(from), goal);
+      const Trajectory& trajectory = planner.plan(request).trajectory;
+      x = trajectory.at(trajectory.end_utime()).position.x();
+      if (prepares) planner.prepare(request);
+    }
+    return x;
+  };
+  EXPECT_GT(end_x(false), -0.05);
+  EXPECT_LT(end_x(true), -0.3);
 }
 
 TEST(PlannerTest, StopsBesideAnOccupiedGoal) {
