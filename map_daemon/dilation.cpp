@@ -106,7 +106,9 @@ template <class Sum, class... Smaller, class Work>
   std::array<Place, 64> places;
   std::size_t count = 0;
   for (std::size_t x = 0; x < rows.count; ++x) {
-    std::fill_n(out + x * out_pitch, rows.width, 0);
+    for_each_sum<Sum>(
+        rows.width, [&]<class Zero>(std::size_t i)
+                        __attribute__((always_inline)) { Zero().store(out + x * out_pitch + i); });
     for (std::size_t i = 0; i < rows.width; i += Sum::kWords) {
       const std::size_t y = std::min(i, rows.width - Sum::kWords);
       places[count] = {x * rows.pitch + y, x * out_pitch + y};
@@ -134,6 +136,15 @@ SWARM_WIDE void add_levels(const Word* const* sources, const std::size_t* counts
         }
         sum.store(out + to);
       });
+}
+
+// Nothing in these words.
+SWARM_WIDE void clear(const Rows& rows, Word* out) {
+  for (std::size_t x = 0; x < rows.count; ++x) {
+    for_each_sum<Block, Single<Block::Register>, Single<Word>>(
+        rows.width, [&]<class Sum>(std::size_t i)
+                        __attribute__((always_inline)) { Sum().store(out + x * rows.pitch + i); });
+  }
 }
 
 // Unions of the row at `in` with those up to r away, to both sides, for r from 1 to `reach`: `n` words each.
@@ -336,7 +347,7 @@ void Dilator::sample(std::span<const Layer> layers, int stride, const Columns& c
   std::size_t in_row = in != nullptr ? layers.front().row : 0;
   if (in == nullptr) {
     if (!gather(layers, columns)) {
-      for (std::size_t x = 0; x < num_x; ++x) std::fill_n(out + x * out_row, num_y * words, 0);
+      clear({num_x, out_row, num_y * words}, out);
       return;
     }
     in = planes_.data() + static_cast<std::size_t>(radius_x_) * row_ + radius_y_;

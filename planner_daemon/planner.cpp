@@ -149,12 +149,14 @@ bool Planner::is_slow(const PlanRequest& request) const {
 }
 
 void Planner::prepare(const PlanRequest& request) {
+  const std::chrono::nanoseconds began = stopwatch_ ? stopwatch_() : 0ns;
   const Duration age = request.sogm->start_utime - static_key_.utime;
   if (age > 0us && age >= static_heuristic_age(request) * 4 / 5) {
     renew_static_heuristic(request);
   } else {
     guidance_.work();
   }
+  if (stopwatch_) result_.prepare_ms = to_ms(stopwatch_() - began);
 }
 
 // What stands still changes slowly.

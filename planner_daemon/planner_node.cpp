@@ -352,6 +352,7 @@ void PlannerNode::publish_status(Utime now, std::int16_t state, Outbox& outbox) 
                                              &status.optimize_ms, &status.check_ms};
       for (std::size_t i = 0; i < kNumPlanSteps; ++i) *step_ms[i] = static_cast<float>(newest_->step_ms[i]);
       status.total_ms = static_cast<float>(newest_->total_ms());
+      status.prepare_ms = static_cast<float>(newest_->prepare_ms);
     }
   }
   refused_.copy_to(status.refused);

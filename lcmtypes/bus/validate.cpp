@@ -173,7 +173,7 @@ Refusal validate(const planner_status_t& m) {
                  within(m.outcome, planner_status_t::kSmooth, planner_status_t::kUnsafe) &&
                  amounts_ok(std::array{m.plans, m.missed, m.expansions, m.waypoint}) && amounts_ok(m.refused) &&
                  amounts_ok(std::array{m.rate_hz, m.compose_ms, m.search_ms, m.corridor_ms, m.optimize_ms, m.check_ms,
-                                       m.total_ms}));
+                                       m.total_ms, m.prepare_ms}));
 }
 
 Refusal validate(const broadcast_status_t& m) {

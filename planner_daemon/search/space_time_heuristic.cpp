@@ -86,7 +86,7 @@ void SpaceTimeHeuristic::build(const Occupancy& occupancy, double blocked_m, con
     isolate(step + 1, {columns.first.array() - 1, columns.last.array() + 1});
     spread(step);
     leave(step);
-    close(step, occupancy, static_heuristic);
+    close(step, occupancy);
   }
 }
 
@@ -145,6 +145,7 @@ void SpaceTimeHeuristic::lay_out(const Sogm& sogm, const Eigen::Vector3d& goal, 
 void SpaceTimeHeuristic::limit_space(double low_z, double high_z, const GridGeometry& grid) {
   space_ = cells_between(corner_.z(), cell_m_, size_.z(), low_z, high_z);
   space_middles_.assign(static_cast<std::size_t>(grid.words_per_column()), 0);
+  open_middles_.resize(middles_of(size_.x(), 0));
   shut_.assign(around_of(1, 0), 0);
   for (int z = 0; z < size_.z(); ++z) {
     if (space_.holds(z)) {
@@ -182,6 +183,15 @@ void SpaceTimeHeuristic::finish(const StaticHeuristic* static_heuristic) {
       }
     }
     add_passed(around, passed, kFar, n, out);
+    for (int y = columns.first.y(); y <= columns.last.y(); ++y) {
+      for (std::size_t w = 0; w < space_middles_.size(); ++w) {
+        std::uint64_t& open = open_middles_[middles_of(x, y) + w];
+        open = space_middles_[w];
+        if (!has_ways) continue;
+        open &= ~static_heuristic->blocked(origin_.x() + middle_of(x), origin_.y() + middle_of(y), origin_.z(),
+                                           static_cast<int>(w));
+      }
+    }
   }
 }
 
@@ -231,7 +241,7 @@ void SpaceTimeHeuristic::leave(int step) {
 
 // What a step adds to cells that something moving closes: what stands still is counted already. At the goal the time
 // stands still.
-void SpaceTimeHeuristic::close(int step, const Occupancy& occupancy, const StaticHeuristic* static_heuristic) {
+void SpaceTimeHeuristic::close(int step, const Occupancy& occupancy) {
   const Sogm& sogm = *occupancy.sogm;
   const Box& box = boxes_[static_cast<std::size_t>(step)];
   const Columns columns = box.columns();
@@ -248,13 +258,10 @@ void SpaceTimeHeuristic::close(int step, const Occupancy& occupancy, const Stati
   const std::uint64_t* closed = closed_.data();
   for (int x = columns.first.x(); x <= columns.last.x(); ++x) {
     Value* out = values_.data() + column(step, x, columns.first.y());
+    const std::uint64_t* open = open_middles_.data() + middles_of(x, columns.first.y());
     for (int y = columns.first.y(); y <= columns.last.y(); ++y, out += stride_) {
       for (std::size_t w = 0; w < words; ++w) {
-        std::uint64_t bits = *closed++ & space_middles_[w];
-        if (bits != 0 && static_heuristic != nullptr) {
-          bits &= ~static_heuristic->blocked(origin_.x() + middle_of(x), origin_.y() + middle_of(y), origin_.z(),
-                                             static_cast<int>(w));
-        }
+        std::uint64_t bits = *closed++ & *open++;
         if (words == 1 && bits != 0 && bits == space_middles_[0]) {
           add_to_all(kPenalty, kFar, static_cast<std::size_t>(space_.last - space_.first + 1), out + space_.first);
           continue;

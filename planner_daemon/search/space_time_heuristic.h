@@ -72,6 +72,9 @@ class SpaceTimeHeuristic {
   std::size_t around_of(int x, int y) const {
     return static_cast<std::size_t>(Eigen::Index{x} * size_.y() + y) * stride_;
   }
+  std::size_t middles_of(int x, int y) const {
+    return static_cast<std::size_t>(Eigen::Index{x} * size_.y() + y) * space_middles_.size();
+  }
   Value straight(int x, int y, int z) const {  // without anything in the way
     return static_cast<Value>(
         rest_ + std::max({straight_[0][static_cast<std::size_t>(x)], straight_[1][static_cast<std::size_t>(y)],
@@ -84,7 +87,7 @@ class SpaceTimeHeuristic {
   void isolate(int step, const Columns& around);
   void spread(int step);
   void leave(int step);
-  void close(int step, const Occupancy& occupancy, const StaticHeuristic* static_heuristic);
+  void close(int step, const Occupancy& occupancy);
 
   double cell_m_ = 0.3, inverse_cell_ = 1 / 0.3, step_s_ = 0.15, tick_s_ = 0.01;
   Utime start_utime_{};
@@ -101,6 +104,7 @@ class SpaceTimeHeuristic {
   std::array<std::vector<Value>, 3> straight_;  // by axis and cell
   CellSpan space_;                              // of one column: inside the flight space
   std::vector<std::uint64_t> space_middles_;    // of one column: bits of the cells' middle voxels inside it
+  std::vector<std::uint64_t> open_middles_;     // x, y: those of them that nothing that stands still is close to
   std::vector<Value> shut_;                     // what a step adds to a row of cells outside the flight space
   std::vector<Value> around_;  // x, y, z: least time to the goal around what stands still; kFar between the columns
   std::vector<Value> values_;  // step, x, y, z: when the goal is reached, after the first step

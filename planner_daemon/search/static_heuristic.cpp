@@ -4,6 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include "map_daemon/wide.h"
+
 namespace swarm {
 namespace {
 
@@ -17,6 +19,19 @@ std::uint64_t pairs(std::uint64_t bits) {
   bits = (bits | bits >> 4) & 0x00ff'00ff'00ff'00ff;
   bits = (bits | bits >> 8) & 0x0000'ffff'0000'ffff;
   return (bits | bits >> 16) & 0x0000'0000'ffff'ffff;
+}
+
+SWARM_WIDE void least_of(const Wavefront::Cost* __restrict costs, std::size_t n, Wavefront::Cost* __restrict least) {
+  for (std::size_t i = 0; i < n; ++i) least[i] = std::min(least[i], costs[i]);
+}
+
+SWARM_WIDE void to_ticks(const Wavefront::Cost* __restrict costs, std::size_t n, std::uint32_t per_cost,
+                         std::int16_t far, std::int16_t* __restrict out) {
+  const auto most = static_cast<std::uint32_t>(far);
+  for (std::size_t i = 0; i < n; ++i) {
+    const std::uint32_t ticks = costs[i] * per_cost / (kCellVoxels * Wavefront::kStraight);
+    out[i] = costs[i] < Wavefront::kUnreached ? static_cast<std::int16_t>(std::min<std::uint32_t>(ticks, most)) : far;
+  }
 }
 
 }  // namespace
@@ -95,10 +110,13 @@ void StaticHeuristic::seed_goal() {
     return is_open(voxel) && (inside_[static_cast<std::size_t>(voxel.z() / 64)] >> voxel.z() % 64 & 1) != 0;
   };
   const Eigen::Vector3i goal = goal_ - grid_.origin;
+  const bool is_closed = grid_.contains(goal) && !is_reachable(goal);
+  ends_.clear();
   (void)for_each_nearest(goal, Guidance::kBeside_m / grid_.resolution_m, is_reachable, [&](const Eigen::Vector3i& at) {
     const Eigen::Vector3i cell = lattice_cell(at + grid_.origin) - first_cell_;
     front_.seed(cell.x(), cell.y(), cell.z() / 64, std::uint64_t{1} << cell.z() % 64,
                 Wavefront::straight_cost(at - goal) / cell_voxels_);
+    if (is_closed) ends_.push_back(at + grid_.origin);
   });
 }
 
@@ -211,58 +229,94 @@ std::optional<StaticHeuristic::Subgoal> StaticHeuristic::ahead(const Eigen::Vect
   return descend(place, cost(place) - static_cast<int>(Wavefront::kStraight * reach_m / grid_.resolution_m));
 }
 
-// From cell to cell: each but the cheapest has a cheaper neighbour. The level ones come first.
+// The level ones come first.
+Eigen::Vector3i StaticHeuristic::next_of(const Eigen::Vector3i& cell) const {
+  Eigen::Vector3i best = cell;
+  int least = cost_at(cell);
+  for (const int dz : {0, -1, 1}) {
+    for (int dx = -1; dx <= 1; ++dx) {
+      for (int dy = -1; dy <= 1; ++dy) {
+        const Eigen::Vector3i next = cell + Eigen::Vector3i(dx, dy, dz);
+        if (has_cell(next) && cost_at(next) < least) least = cost_at(next), best = next;
+      }
+    }
+  }
+  return best;
+}
+
+std::optional<Eigen::Vector3d> StaticHeuristic::beside_goal(const Eigen::Vector3d& place) const {
+  if (empty_ || is_cut_off_ || ends_.empty()) return {};
+  const auto start = start_of(in_cells(place));
+  if (!start) return {};
+  Eigen::Vector3i cell = *start;
+  for (Eigen::Vector3i next = next_of(cell); next != cell; next = next_of(cell)) cell = next;
+  std::optional<Eigen::Vector3d> nearest;
+  for (const Eigen::Vector3i& voxel : ends_) {
+    if (lattice_cell(voxel) - first_cell_ != cell) continue;
+    const Eigen::Vector3d end = (voxel.cast<double>().array() + 0.5) * grid_.resolution_m;
+    if (!nearest || (end - place).norm() < (*nearest - place).norm()) nearest = end;
+  }
+  return nearest;
+}
+
+// From cell to cell: each but the cheapest has a cheaper neighbour.
 std::optional<StaticHeuristic::Subgoal> StaticHeuristic::descend(const Eigen::Vector3d& place, int least) const {
   const Eigen::Vector3d from = in_cells(place);
   const auto start = start_of(from);
   if (!start) return {};
-  Eigen::Vector3i cell = *start;
   std::optional<Subgoal> farthest;
-  for (int cost = cost_at(cell); cost > least;) {
-    Eigen::Vector3i best = cell;
-    for (const int dz : {0, -1, 1}) {
-      for (int dx = -1; dx <= 1; ++dx) {
-        for (int dy = -1; dy <= 1; ++dy) {
-          const Eigen::Vector3i next = cell + Eigen::Vector3i(dx, dy, dz);
-          if (has_cell(next) && cost_at(next) < cost) cost = cost_at(next), best = next;
-        }
-      }
-    }
-    if (best == cell) break;
-    cell = best;
+  for (Eigen::Vector3i cell = *start; cost_at(cell) > least;) {
+    const Eigen::Vector3i next = next_of(cell);
+    if (next == cell) break;
+    cell = next;
     const Eigen::Vector3d middle = cell.cast<double>().array() + 0.5;
     if (farthest && !sees(from, middle)) break;  // the first one is near in any case
-    farthest = Subgoal{(first_cell_.cast<double>() + middle) * cell_m(), cost};
+    farthest = Subgoal{(first_cell_.cast<double>() + middle) * cell_m(), cost_at(cell)};
   }
   return farthest;
 }
 
+// Along x, z and y one after the other: each of the cells of ways is read once or twice.
 void StaticHeuristic::ticks(const Eigen::Vector3i& origin, int x, int first_y, int num_y, int num_z, std::size_t stride,
                             int per_cell, std::int16_t far, std::int16_t* out) const {
-  const auto at = [&](int voxel, int axis) { return lattice_cell(voxel + origin[axis]) - first_cell_[axis]; };
-  const auto first = [&](int cell, int axis) { return std::max(0, at(kCellVoxels * cell, axis)); };
-  const auto last = [&](int cell, int axis) {
-    return std::min(size_[axis] - 1, at(kCellVoxels * (cell + 1) - 1, axis));
+  const auto overlapping = [&](int cell, int axis) {
+    const auto at = [&](int voxel) { return lattice_cell(voxel + origin[axis]) - first_cell_[axis]; };
+    return CellSpan{std::max(0, at(kCellVoxels * cell)), std::min(size_[axis] - 1, at(kCellVoxels * (cell + 1) - 1))};
   };
-  const int low_z = first(0, 2), num = std::max(0, last(num_z - 1, 2) + 1 - low_z);
-  nearest_.resize(static_cast<std::size_t>(num));
-  Wavefront::Cost* nearest = nearest_.data();  // of the columns that overlap
-  for (int y = first_y; y < first_y + num_y; ++y, out += stride) {
-    std::fill_n(out, stride, far);
-    std::fill_n(nearest, num, Wavefront::kUnreached);
-    for (int at_x = first(x, 0); at_x <= last(x, 0); ++at_x) {
-      for (int at_y = first(y, 1); at_y <= last(y, 1); ++at_y) {
-        const Wavefront::Cost* column = front_.column(at_x, at_y) + low_z;
-        for (int z = 0; z < num; ++z) nearest[z] = std::min(nearest[z], column[z]);
-      }
-    }
-    for (int z = 0; z < num_z; ++z) {
-      Wavefront::Cost cost = Wavefront::kUnreached;
-      for (int at_z = first(z, 2); at_z <= last(z, 2); ++at_z) cost = std::min(cost, nearest[at_z - low_z]);
-      if (cost < Wavefront::kUnreached)
-        out[z] = static_cast<std::int16_t>(std::min<int>(ticks_of(cell_voxels_ * cost, per_cell), far));
+  const int low_y = overlapping(first_y, 1).first;
+  const auto columns = static_cast<std::size_t>(std::max(0, overlapping(first_y + num_y - 1, 1).last + 1 - low_y));
+  const auto height = static_cast<std::size_t>(size_.z()), n = columns * height;
+
+  // Row k of rows_: the least of k + 1 cells of a column from each one on.
+  const std::size_t row = n + 1;
+  const auto num_rows = static_cast<std::size_t>(cell_voxels_ == 2 ? kCellVoxels - 1 : kCellVoxels);
+  rows_.assign(num_rows * row, Wavefront::kUnreached);
+  const CellSpan along_x = overlapping(x, 0);
+  for (int at_x = along_x.first; at_x <= along_x.last; ++at_x) least_of(front_.column(at_x, low_y), n, rows_.data());
+  for (std::size_t k = 1; k < num_rows; ++k) {
+    least_of(rows_.data(), n, rows_.data() + k * row);
+    least_of(rows_.data() + (k - 1) * row + 1, n, rows_.data() + k * row);
+  }
+
+  sampled_.assign(columns * stride, Wavefront::kUnreached);
+  for (int z = 0; z < num_z; ++z) {
+    const CellSpan along_z = overlapping(z, 2);
+    if (along_z.first > along_z.last) continue;
+    const Wavefront::Cost* least = rows_.data() + static_cast<std::size_t>(along_z.last - along_z.first) * row +
+                                   static_cast<std::size_t>(along_z.first);
+    Wavefront::Cost* sampled = sampled_.data() + z;
+    for (std::size_t y = 0; y < columns; ++y) sampled[y * stride] = least[y * height];
+  }
+
+  nearest_.assign(static_cast<std::size_t>(num_y) * stride, Wavefront::kUnreached);
+  for (int y = 0; y < num_y; ++y) {
+    const CellSpan along_y = overlapping(first_y + y, 1);
+    for (int at_y = along_y.first; at_y <= along_y.last; ++at_y) {
+      least_of(sampled_.data() + static_cast<std::size_t>(at_y - low_y) * stride, stride,
+               nearest_.data() + static_cast<std::size_t>(y) * stride);
     }
   }
+  to_ticks(nearest_.data(), nearest_.size(), static_cast<std::uint32_t>(cell_voxels_ * per_cell), far, out);
 }
 
 }  // namespace swarm

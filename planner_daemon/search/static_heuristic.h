@@ -60,6 +60,9 @@ class StaticHeuristic {
   // The last place on the way that is seen from `place`, at most `reach_m` of way ahead; none: there is no way, or it
   // is not known.
   std::optional<Subgoal> ahead(const Eigen::Vector3d& place, double reach_m) const;
+  // Where the way from `place` ends when the goal itself is too close to what stands still, W [m]; none: it is not, or
+  // there is no way.
+  std::optional<Eigen::Vector3d> beside_goal(const Eigen::Vector3d& place) const;
   // Of the way from `place` [Wavefront::Cost].
   int cost(const Eigen::Vector3d& place) const;
   // The place inside `space` from which the way to the goal is the shortest among those farther than `apart_m` from the
@@ -114,6 +117,8 @@ class StaticHeuristic {
   // The cell of a place (in cells), or the nearest one around it from which a way leads; none: there is none.
   std::optional<Eigen::Vector3i> start_of(const Eigen::Vector3d& from) const;
   bool sees(const Eigen::Vector3d& from, const Eigen::Vector3d& to) const;  // in cells of the window
+  // The cheapest of the cells around one; itself: there is none cheaper.
+  Eigen::Vector3i next_of(const Eigen::Vector3i& cell) const;
   // Down the costs from `place` to the last place that is seen from there, above the cost `least`.
   std::optional<Subgoal> descend(const Eigen::Vector3d& place, int least) const;
 
@@ -128,8 +133,9 @@ class StaticHeuristic {
   std::vector<std::uint64_t> blocked_;  // columns
   std::vector<std::uint64_t> inside_;   // of a column: within the flight space
   std::vector<std::uint64_t> column_;   // scratch of open_cells()
+  std::vector<Eigen::Vector3i> ends_;   // voxels of the lattice where ways end, when the goal is closed
   Wavefront front_;
-  mutable std::vector<Wavefront::Cost> nearest_;  // scratch of ticks()
+  mutable std::vector<Wavefront::Cost> rows_, sampled_, nearest_;  // scratch of ticks()
 };
 
 }  // namespace swarm

@@ -32,13 +32,11 @@ struct RobotWork {
     if (planner.plans() == *plans) return;
     *plans = planner.plans();
     counts.is_unreachable = planner.newest_plan().is_unreachable;
-    const auto& newest_ms = planner.newest_plan().step_ms;
-    double total = 0.0;
-    for (std::size_t i = 0; i < newest_ms.size(); ++i) {
-      step_ms[i].push_back(newest_ms[i]);
-      total += newest_ms[i];
-    }
-    step_ms[newest_ms.size()].push_back(total);
+    const PlanResult& plan = planner.newest_plan();
+    auto samples = step_ms.begin();
+    for (const double ms : plan.step_ms) (samples++)->push_back(ms);
+    (samples++)->push_back(plan.total_ms());
+    samples->push_back(plan.prepare_ms);
   }
   void note_step(const BroadcastNode&, int*) {}
 

@@ -53,8 +53,8 @@ void RobotWatch::note_plan(std::span<const std::uint8_t> bytes) {
   }
   if (!started_ || planner_.plans == plans_seen_) return;
   plans_seen_ = planner_.plans;
-  const double ms[] = {planner_.compose_ms,  planner_.search_ms, planner_.corridor_ms,
-                       planner_.optimize_ms, planner_.check_ms,  planner_.total_ms};
+  const double ms[] = {planner_.compose_ms, planner_.search_ms, planner_.corridor_ms, planner_.optimize_ms,
+                       planner_.check_ms,   planner_.total_ms,  planner_.prepare_ms};
   for (std::size_t i = 0; i < step_ms_.size(); ++i) step_ms_[i].push_back(ms[i]);
 }
 

@@ -20,9 +20,9 @@
 
 namespace swarm {
 
-// The steps of one plan, in the order of RunReport::planning.
-inline constexpr std::array<const char*, 6> kPlanningSteps = {"compose",  "search", "corridor",
-                                                              "optimize", "check",  "total"};
+// The steps of one plan, all of them, and what is worked out until the next one; in the order of RunReport::planning.
+inline constexpr std::array<const char*, 7> kPlanningSteps = {"compose", "search", "corridor", "optimize",
+                                                              "check",   "total",  "prepare"};
 
 // Durations of every plan of one robot [ms], by step.
 using PlanningSamples = std::array<std::vector<double>, kPlanningSteps.size()>;

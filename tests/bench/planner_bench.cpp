@@ -110,7 +110,7 @@ class Flights {
   explicit Flights(int obstacles) : obstacles_(obstacles) {
     for (std::size_t step = 0; step < kPlanningSteps.size(); ++step) {
       const std::string name = kPlanningSteps[step];
-      add(name == "total" ? "plan" : name, [step](const RunReport& report) { return report.planning[step]; });
+      add(name == "total" ? "plan" : name == "prepare" ? "between two plans" : name, [step](const RunReport& report) { return report.planning[step]; });
     }
     add("map and its wire", [](const RunReport& report) { return report.mapping; });
   }

@@ -122,6 +122,7 @@ TEST(Validate, CountersAndAmountsAreNotNegative) {
   EXPECT_TRUE(refused([](auto& m) { m.missed = -1; }, Judge<planner_status_t>()));
   EXPECT_TRUE(refused([](auto& m) { m.expansions = -1; }, Judge<planner_status_t>()));
   EXPECT_TRUE(refused([](auto& m) { m.check_ms = -1; }, Judge<planner_status_t>()));
+  EXPECT_TRUE(refused([](auto& m) { m.prepare_ms = -1; }, Judge<planner_status_t>()));
   EXPECT_TRUE(refused([](auto& m) { m.refused[0] = -1; }, Judge<planner_status_t>()));
   EXPECT_TRUE(refused([](auto& m) { m.withdrawn = -1; }, Judge<broadcast_status_t>()));
   EXPECT_TRUE(refused([](auto& m) { m.forced = -1; }, Judge<broadcast_status_t>()));

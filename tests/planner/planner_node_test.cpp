@@ -219,6 +219,7 @@ TEST(PlannerNode, DurationsArePublishedOrZero) {
     }
     EXPECT_EQ(status.total_ms, publish ? 10.0f : 0.0f);
     EXPECT_EQ(f.node.newest_plan().step_ms[0], 2.0);
+    EXPECT_EQ(f.node.newest_plan().prepare_ms, 2.0);
     EXPECT_GT(status.expansions, 0);
   }
 }

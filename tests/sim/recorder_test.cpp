@@ -167,7 +167,8 @@ TEST(Summary, TableIsAlignedAndTellsTheTouches) {
             "     corridor  0.000  0.000  0.000  0.000  0.000\n"
             "     optimize  0.000  0.000  0.000  0.000  0.000\n"
             "        check  0.000  0.000  0.000  0.000  0.000\n"
-            "        total  2.000  2.000  3.000  3.000  3.000\n")
+            "        total  2.000  2.000  3.000  3.000  3.000\n"
+            "      prepare  0.000  0.000  0.000  0.000  0.000\n")
       << table;
 }
 

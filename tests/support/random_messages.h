@@ -156,8 +156,8 @@ inline void make(Random& random, int, planner_status_t* m) {
   m->state = static_cast<std::int16_t>(integer(random, 0, 5));
   m->outcome = static_cast<std::int16_t>(integer(random, 0, 2));
   m->plans = m->missed = m->expansions = m->waypoint = integer(random, 0, 1 << 30);
-  for (float* value :
-       {&m->rate_hz, &m->compose_ms, &m->search_ms, &m->corridor_ms, &m->optimize_ms, &m->check_ms, &m->total_ms}) {
+  for (float* value : {&m->rate_hz, &m->compose_ms, &m->search_ms, &m->corridor_ms, &m->optimize_ms, &m->check_ms,
+                       &m->total_ms, &m->prepare_ms}) {
     *value = static_cast<float>(real(random, 0, 1e3));
   }
   fill(random, m->refused);
@@ -241,7 +241,7 @@ void each_real(obstacles_t& m, F f) {
 }
 template <class F>
 void each_real(planner_status_t& m, F f) {
-  each(f, m.rate_hz, m.compose_ms, m.search_ms, m.corridor_ms, m.optimize_ms, m.check_ms, m.total_ms);
+  each(f, m.rate_hz, m.compose_ms, m.search_ms, m.corridor_ms, m.optimize_ms, m.check_ms, m.total_ms, m.prepare_ms);
 }
 template <class F>
 void each_real(robot_state_t& m, F f) {

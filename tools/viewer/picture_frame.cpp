@@ -74,6 +74,7 @@ Json planner_json(const planner_status_t& status) {
           {"missed", status.missed},
           {"rate_hz", rounded(status.rate_hz)},
           {"total_ms", rounded(status.total_ms)},
+          {"prepare_ms", rounded(status.prepare_ms)},
           {"steps_ms",
            {{"compose", rounded(status.compose_ms)},
             {"search", rounded(status.search_ms)},
