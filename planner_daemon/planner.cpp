@@ -183,8 +183,9 @@ void Planner::renew_static_heuristic(const PlanRequest& request) {
 void Planner::build_heuristics(const PlanRequest& request) {
   const SearchLimits& limits = config_.limits;
   if (!static_key_.serves(request, static_heuristic_age(request))) renew_static_heuristic(request);
-  space_time_heuristic_.build(space_.occupancy(), config_.space.blocked_m(), &static_heuristic_, reachable_,
-                              request.goal, limits.space_min, limits.space_max);
+  aim_ = static_heuristic_.beside_goal(reachable_.center).value_or(request.goal);
+  space_time_heuristic_.build(space_.occupancy(), config_.space.blocked_m(), &static_heuristic_, reachable_, aim_,
+                              limits.space_min, limits.space_max);
   space_time_key_ = cache_key(request);
 }
 
@@ -225,7 +226,7 @@ SearchStatus Planner::search(const PlanRequest& request) {
   SearchProblem& problem = search_problem_;
   problem = {request.own.at(request.start_utime),
              request.start_utime,
-             ahead.value_or(request.goal),
+             ahead.value_or(aim_),
              v_max_mps(request),
              &space_,
              ahead ? nullptr : &space_time_heuristic_,
@@ -275,13 +276,9 @@ bool Planner::optimize(const PlanRequest& request, Trajectory* smooth) {
   spline_problem_.a_max_mps2 = config_.limits.a_max_mps2;
   spline_problem_.end_v_max_mps = std::max(start_mps, drift.cwiseAbs().maxCoeff());
   spline_problem_.end_a_max_mps2 = start.acceleration.cwiseAbs().maxCoeff();
-  // Away from the corridors' faces where that is possible.
   SplineQp& optimizer = optimizers_[static_cast<std::size_t>(n) - 1];
   shrink_corridors();
-  if (optimizer.solve(spline_problem_, &spline_solution_) != SplineStatus::kSolved) {
-    spline_problem_.corridors = result_.corridors;
-    if (optimizer.solve(spline_problem_, &spline_solution_) != SplineStatus::kSolved) return false;
-  }
+  if (optimizer.solve(spline_problem_, &spline_solution_) != SplineStatus::kSolved) return false;
   *smooth = Trajectory(0, request.start_utime, config_.search.piece, n);
   smooth->set_knot(0, start);
   for (int k = 1; k < n; ++k) {
@@ -292,7 +289,7 @@ bool Planner::optimize(const PlanRequest& request, Trajectory* smooth) {
   return true;
 }
 
-// By the margin, but not past what is fixed of the first and the last piece.
+// By the margin, but not past the path: a curve is left in any case.
 void Planner::shrink_corridors() {
   const double h = to_seconds(config_.search.piece);
   const auto n = static_cast<std::size_t>(path_.num_pieces);
@@ -301,9 +298,7 @@ void Planner::shrink_corridors() {
     const ControlPoints piece = quintic_control_points(path_.knots[k], path_.knots[k + 1], h);
     for (int i = 0; i < polytope.num_faces(); ++i) {
       const Eigen::Matrix<double, 1, 6> along = polytope.normals.row(i) * piece;
-      double least = polytope.offsets(i) - config_.corridor.margin_m;
-      if (k == 0) least = std::max(least, along.head<3>().maxCoeff());
-      if (k + 1 == n) least = std::max(least, along.tail<3>().maxCoeff());
+      const double least = std::max(polytope.offsets(i) - config_.corridor.margin_m, along.maxCoeff());
       polytope.offsets(i) = std::min(polytope.offsets(i), least);
     }
   }

@@ -158,6 +158,7 @@ class Planner {
   ReachableSet reachable_;  // of the robot: all that the plan can touch
   Guidance guidance_;
   StaticHeuristic static_heuristic_;
+  Eigen::Vector3d aim_ = Eigen::Vector3d::Zero();  // of the search: the goal, or the place beside it
   LocalMinimum local_minimum_;
   StaticHeuristic voxel_ways_;  // to the goal, by single voxels: while the robot is in a local minimum
   CacheKey voxel_ways_key_;

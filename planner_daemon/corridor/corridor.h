@@ -15,7 +15,7 @@ namespace swarm {
 
 struct CorridorOptions {
   double extent_m = 0.6;   // a polytope extends this far beyond its piece's control points
-  double margin_m = 0.05;  // the trajectory keeps away from the faces where it can
+  double margin_m = 0.1;   // from its faces, as far as the path of the search lets it
   double log_volume_gap = FiriOptions().log_volume_gap;  // see there
 };
 

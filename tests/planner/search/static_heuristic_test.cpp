@@ -142,7 +142,40 @@ TEST(StaticHeuristicTest, AGoalInAWallIsReachedBesideIt) {
     const Vector3d goal(0.5 + depth_m, 0.05, 0.05);
     heuristic.build({&standing}, kClearance_m, goal, -9, 9, nowhere.get());
     EXPECT_EQ(heuristic.is_cut_off(), !is_reached) << depth_m;
+    const auto beside = heuristic.beside_goal({-0.3, 0.4, 0.2});
+    ASSERT_EQ(beside.has_value(), is_reached) << depth_m;
+    const Vector3d face(0.45, 0.05, 0.05);
+    EXPECT_LT((beside.value_or(face) - face).norm(), 1e-9) << beside.value_or(face).transpose();
   }
+}
+
+// No place that is free is nearer to the goal.
+TEST(StaticHeuristicTest, BesideTheGoalIsTheNearestPlace) {
+  Rng rng(8);
+  StaticHeuristic heuristic;
+  int found = 0, others = 0;
+  for (int trial = 0; trial < 160; ++trial) {
+    const StaticScene scene = random_scene(trial, {2.5, 2.7, 1.5}, rng);
+    const Guidance* guidance = scene.guidance.get();
+    heuristic.build({&scene.standing}, kClearance_m, scene.goal, scene.low_z, scene.high_z, guidance);
+    const auto beside = heuristic.beside_goal(scene.standing.geometry.center_of(scene.standing.geometry.size / 2));
+    others += !beside.has_value();
+    if (!beside) continue;
+    ++found;
+    const PlainStaticHeuristic plain(scene.standing, kClearance_m, scene.goal, scene.low_z, scene.high_z, guidance);
+    const Vector3i end = plain.grid.voxel_of(*beside);
+    ASSERT_TRUE(plain.grid.contains(end) && !plain.is_too_close(end)) << "trial " << trial;
+    const int away2 = (end - plain.goal_voxel).squaredNorm();
+    ASSERT_GT(away2, 0) << "trial " << trial << ": the goal itself is free";
+    const double bottom_m = 0.1 * plain.grid.origin.z();
+    plain.voxels.for_each_voxel([&](const Vector3i& v) {
+      const bool is_inside = bottom_m + 0.1 * (v.z() + 1) > scene.low_z && bottom_m + 0.1 * v.z() < scene.high_z;
+      if (!is_inside || plain.is_too_close(v)) return;
+      ASSERT_GE((v - plain.goal_voxel).squaredNorm(), away2) << "trial " << trial << ", voxel " << v.transpose();
+    });
+  }
+  EXPECT_GT(found, 10);
+  EXPECT_GT(others, 10);
 }
 
 // Walls of a single voxel, however they stand: cells of two voxels have no holes where voxels have none.
