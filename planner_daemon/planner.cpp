@@ -12,6 +12,7 @@ constexpr Duration kAtGoalAge = 1s;  // of the static heuristic, which leads now
 constexpr double kAtGoal_m = 0.1;
 constexpr double kAhead_m = 1.0;  // of the static way that is followed out of a local minimum
 constexpr Duration kClearStep = 20ms;
+constexpr int kApproach = 3;           // the last pieces of a plan
 constexpr double kKeepBonus_s = 0.05;  // of the motion already flown where the search got stuck
 constexpr double kGraze = 0.2;         // a violation so small, or so far ahead, is not worth giving up a plan
 constexpr double kTie = 1e-9;          // in danger, of two that violate alike the own motion stays
@@ -277,8 +278,11 @@ bool Planner::optimize(const PlanRequest& request, Trajectory* smooth) {
   spline_problem_.end_v_max_mps = std::max(start_mps, drift.cwiseAbs().maxCoeff());
   spline_problem_.end_a_max_mps2 = start.acceleration.cwiseAbs().maxCoeff();
   SplineQp& optimizer = optimizers_[static_cast<std::size_t>(n) - 1];
-  shrink_corridors();
-  if (optimizer.solve(spline_problem_, &spline_solution_) != SplineStatus::kSolved) return false;
+  shrink_corridors(n - kApproach);
+  if (optimizer.solve(spline_problem_, &spline_solution_) != SplineStatus::kSolved) {
+    shrink_corridors(0);
+    if (optimizer.solve(spline_problem_, &spline_solution_) != SplineStatus::kSolved) return false;
+  }
   *smooth = Trajectory(0, request.start_utime, config_.search.piece, n);
   smooth->set_knot(0, start);
   for (int k = 1; k < n; ++k) {
@@ -289,17 +293,21 @@ bool Planner::optimize(const PlanRequest& request, Trajectory* smooth) {
   return true;
 }
 
-// By the margin, but not past the path: a curve is left in any case.
-void Planner::shrink_corridors() {
+// The first `num_past_path` pieces' by the margin, even past the path, but for what is fixed of the first one. The
+// others' not past the path: its pieces are a curve that stays inside, and a goal close to something is come to.
+void Planner::shrink_corridors(int num_past_path) {
   const double h = to_seconds(config_.search.piece);
-  const auto n = static_cast<std::size_t>(path_.num_pieces);
-  for (std::size_t k = 0; k < n; ++k) {
-    Polytope& polytope = spline_problem_.corridors[k];
-    const ControlPoints piece = quintic_control_points(path_.knots[k], path_.knots[k + 1], h);
-    for (int i = 0; i < polytope.num_faces(); ++i) {
-      const Eigen::Matrix<double, 1, 6> along = polytope.normals.row(i) * piece;
-      const double least = std::max(polytope.offsets(i) - config_.corridor.margin_m, along.maxCoeff());
-      polytope.offsets(i) = std::min(polytope.offsets(i), least);
+  for (int k = 0; k < path_.num_pieces; ++k) {
+    const auto at = static_cast<std::size_t>(k);
+    const Polytope& grown = result_.corridors[at];
+    const ControlPoints piece = quintic_control_points(path_.knots[at], path_.knots[at + 1], h);
+    const bool past_path = k < num_past_path;
+    for (int i = 0; i < grown.num_faces(); ++i) {
+      const Eigen::Matrix<double, 1, 6> along = grown.normals.row(i) * piece;
+      double least = grown.offsets(i) - (past_path ? config_.corridor.margin_m : config_.corridor.margin_to_path_m);
+      if (!past_path) least = std::max(least, along.maxCoeff());
+      if (k == 0) least = std::max(least, along.head<3>().maxCoeff());
+      spline_problem_.corridors[at].offsets(i) = std::min(grown.offsets(i), least);
     }
   }
 }

@@ -137,7 +137,7 @@ class Planner {
   std::optional<Eigen::Vector3d> place_ahead(const PlanRequest& request);
   [[nodiscard]] bool grow_corridors(const PlanRequest& request);
   [[nodiscard]] bool optimize(const PlanRequest& request, Trajectory* smooth);
-  void shrink_corridors();
+  void shrink_corridors(int num_past_path);
   bool is_within_limits(const Trajectory& trajectory) const;
   // Free and within the limits.
   bool is_flyable(const Trajectory& trajectory);

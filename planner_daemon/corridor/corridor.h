@@ -14,8 +14,9 @@
 namespace swarm {
 
 struct CorridorOptions {
-  double extent_m = 0.6;   // a polytope extends this far beyond its piece's control points
-  double margin_m = 0.1;   // from its faces, as far as the path of the search lets it
+  double extent_m = 0.6;          // a polytope extends this far beyond its piece's control points
+  double margin_m = 0.05;         // from its faces, of the trajectory
+  double margin_to_path_m = 0.1;  // where no farther than the path of the search does: see Planner::optimize()
   double log_volume_gap = FiriOptions().log_volume_gap;  // see there
 };
 
