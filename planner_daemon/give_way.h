@@ -19,22 +19,31 @@ class GiveWay {
   void shift(Duration step);
 
  private:
+  // With the only peer around; until they part.
+  struct Meeting {
+    int peer_id;
+    double way_m;  // the least one to the goal since then
+    Utime since;   // and when it last became less
+  };
   // Where it lets a peer pass.
   struct Beside {
-    Eigen::Vector3d place;
+    StaticHeuristic::Refuge refuge;
     Utime until;
     int peer_id;
-    Eigen::Vector3d met, way;  // where this robot met it, and where that one was heading
+    double left_m;  // that both have to fly until it has passed: the least so far
   };
 
   // A place farther from a peer beside which the robot rests, closer than plans may pass; none: there is no such peer.
   std::optional<Eigen::Vector3d> apart(const PlanRequest& request) const;
-  // A place beside the way of a peer with the right of way; none: there is no such peer, or no such place.
+  // A place beside the way of a peer, or back from it; none: there is no such peer, or no such place.
   std::optional<Eigen::Vector3d> beside(Utime now, const PlanRequest& request, Planner& planner);
   bool still_waits(Utime now, const PlanRequest& request);
+  // It has met a peer and has come no nearer to its goal for so long.
+  Duration held_up(Utime now, const PlanRequest& request, const Planner& planner, const Peer& met);
 
   int robot_id_;
   PlannerConfig config_;
+  std::optional<Meeting> meeting_;
   std::optional<Beside> beside_;
   std::map<int, Utime> stayed_;  // peers that did not come, though this robot had made way until then
 };

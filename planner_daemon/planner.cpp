@@ -100,6 +100,7 @@ const PlanResult& Planner::plan(const PlanRequest& request) {
     is_free = survives && is_flyable(raw);
     add_planned(is_free ? Candidate::Kind::kRaw : Candidate::Kind::kBlocked, raw);
   }
+  if (survives && !is_free) searches_finer_ = !search_problem_.fine;  // not the same again
   if (path_.left_blocked || !is_free) {
     lap(PlanStep::kCheck);
     add_escape(request);
@@ -166,17 +167,16 @@ Duration Planner::static_heuristic_age(const PlanRequest& request) const {
 }
 
 void Planner::renew_static_heuristic(const PlanRequest& request) {
-  const SearchLimits& limits = config_.limits;
+  const Eigen::AlignedBox3d space(config_.limits.space_min, config_.limits.space_max);
   const Occupancy standing = space_.compose_standing(*request.peers);
   if (!request.is_aside) {
     guidance_.reconsider(reachable_.center);
     guidance_.update(*request.sogm, *standing.sogm, request.goal, space_.way_m());
   }
   const Guidance* guidance = request.is_aside ? nullptr : &guidance_;
-  static_heuristic_.build(standing, space_.way_m(), request.goal, limits.space_min.z(), limits.space_max.z(), guidance);
+  static_heuristic_.build(standing, space_.way_m(), request.goal, space, guidance);
   if (static_heuristic_.is_cut_off()) {  // by peers that hover in the way: they may go on
-    static_heuristic_.build({standing.sogm, nullptr}, space_.way_m(), request.goal, limits.space_min.z(),
-                            limits.space_max.z(), guidance);
+    static_heuristic_.build({standing.sogm, nullptr}, space_.way_m(), request.goal, space, guidance);
   }
   static_key_ = cache_key(request);
 }
@@ -190,16 +190,23 @@ void Planner::build_heuristics(const PlanRequest& request) {
   space_time_key_ = cache_key(request);
 }
 
+std::optional<double> Planner::way_m(const PlanRequest& request) const {
+  if (static_key_.goal != request.goal) return {};
+  const int cost = static_heuristic_.cost(request.own.at(request.start_utime).position);
+  if (cost == Wavefront::kUnreached) return {};
+  return request.sogm->geometry.resolution_m * cost / Wavefront::kStraight;
+}
+
 std::optional<Eigen::Vector3d> Planner::place_ahead(const PlanRequest& request) {
   const Eigen::Vector3d place = request.own.at(request.start_utime).position;
-  const int cost = static_heuristic_.cost(place);
-  if (request.is_aside || cost == Wavefront::kUnreached || (place - request.goal).norm() < kAtGoal_m) return {};
-  const double way_m = request.sogm->geometry.resolution_m * cost / Wavefront::kStraight;
+  if (request.is_aside) local_minimum_.give_up(request.start_utime);
+  const std::optional<double> way_m = this->way_m(request);
+  if (request.is_aside || !way_m || (place - request.goal).norm() < kAtGoal_m) return {};
   const bool stands = request.own.end_utime() <= request.start_utime && path_.settled && !result_.fly;
-  if (!local_minimum_.leads(request.start_utime, request.goal, way_m, stands, v_max_mps(request))) return {};
+  if (!local_minimum_.leads(request.start_utime, request.goal, *way_m, stands, v_max_mps(request))) return {};
   if (!voxel_ways_key_.serves(request, kStaticHeuristicAge)) {
     voxel_ways_.build(space_.compose_standing(*request.peers), space_.way_m(), request.goal,
-                      config_.limits.space_min.z(), config_.limits.space_max.z(), &guidance_,
+                      {config_.limits.space_min, config_.limits.space_max}, &guidance_,
                       StaticHeuristic::Detail::kVoxels);
     voxel_ways_key_ = cache_key(request);
   }
@@ -209,15 +216,20 @@ std::optional<Eigen::Vector3d> Planner::place_ahead(const PlanRequest& request) 
   return {};
 }
 
-std::optional<Eigen::Vector3d> Planner::refuge(const PlanRequest& request, const Eigen::Vector3d& a,
-                                               const Eigen::Vector3d& b, double apart_m) {
-  const SearchLimits& limits = config_.limits;
+std::optional<StaticHeuristic::Refuge> Planner::refuge(const PlanRequest& request, const Peer& met, double apart_m) {
+  const Eigen::AlignedBox3d space(config_.limits.space_min, config_.limits.space_max);
+  const Eigen::Vector3d place = request.own.at(request.start_utime).position;
+  const Eigen::Vector3d other = met.motion.at(request.start_utime).position;
+  Peer standing = met;
+  standing.motion = {Trajectory::hover(1, request.sogm->start_utime - 1s, other), {}};
+  // From outside what the peer closes, on this robot's side of it.
+  const double closed_m = met.radius_m + space_.way_m() + 2.0 * request.sogm->geometry.resolution_m;
+  const double distance_m = (place - other).norm();
+  const Eigen::Vector3d from = other + std::max(1.0, closed_m / distance_m) * (place - other);
   compose(request);
   voxel_ways_key_ = {};
-  voxel_ways_.build(space_.compose_standing(*request.peers), space_.way_m(),
-                    request.own.at(request.own.end_utime()).position, limits.space_min.z(), limits.space_max.z(),
-                    nullptr);
-  return voxel_ways_.nearest_apart({limits.space_min, limits.space_max}, a, b, apart_m);
+  voxel_ways_.build_within(space_.compose_standing({standing}), space_.way_m(), from, space);
+  return voxel_ways_.refuge(space, other, apart_m);
 }
 
 SearchStatus Planner::search(const PlanRequest& request) {

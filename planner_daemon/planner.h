@@ -98,14 +98,12 @@ class Planner {
   // Whether a plan takes several times as long as other plans: its heuristics are to be built anew.
   bool is_slow(const PlanRequest& request) const;
 
-  // The robot has come no nearer to its goal for some seconds.
-  bool is_stuck(Utime utime) const { return local_minimum_.is_stuck(utime); }
-  // From here on that is told anew.
-  void is_not_stuck(Utime utime) { local_minimum_.give_up(utime); }
-  // The place nearest to where the own motion ends, past all that stands still, that is farther than `apart_m` from the
-  // line from a to b, W [m]; none: there is none, or nothing stands around.
-  std::optional<Eigen::Vector3d> refuge(const PlanRequest& request, const Eigen::Vector3d& a, const Eigen::Vector3d& b,
-                                        double apart_m);
+  // The static way from where the newest plan began to the request's goal; none: no plan to it knows one, or nothing
+  // stands around.
+  std::optional<double> way_m(const PlanRequest& request) const;
+  // Where the robot goes back to from where its own motion ends, to let `met` pass, which is somewhere else, by ways
+  // not past where that is now: at least `apart_m` beside the longest of these in sight, or to its end. None: nowhere.
+  std::optional<StaticHeuristic::Refuge> refuge(const PlanRequest& request, const Peer& met, double apart_m);
 
   // Of the newest plan, for benchmarks: what was searched, the path found, what was optimised.
   const SearchProblem& search_problem() const { return search_problem_; }

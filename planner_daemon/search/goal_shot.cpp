@@ -32,6 +32,14 @@ Utime GoalShot::goal_open_from() const {
   return frame == 0 ? problem.start_utime : map.start_utime + frame * map.frame_duration;
 }
 
+// Between the samples too: else the next plan would find the same again.
+bool GoalShot::is_free(const SearchNode& node, const SearchPath& path, int pieces) const {
+  Trajectory shot(0, context_.utime_at(node.depth), context_.options.piece, pieces);
+  shot.set_knot(0, node.state.motion());
+  for (int k = 1; k <= pieces; ++k) shot.set_knot(k, path.knots[static_cast<std::size_t>(node.depth + k)]);
+  return context_.problem.space->first_blocked({shot, {}}, shot.start_utime()) == kNever;
+}
+
 bool GoalShot::shoot(const SearchNode& node, SearchPath* path) {
   const double v_max_mps = context_.v_max_mps, a_max_mps2 = context_.limits.a_max_mps2;
   const Eigen::AlignedBox3d& space = context_.space;
@@ -69,7 +77,7 @@ bool GoalShot::shoot(const SearchNode& node, SearchPath* path) {
            (position.array() >= space.min().array() - 1e-6).all() &&
            (position.array() <= space.max().array() + 1e-6).all();
     }
-    if (!ok) continue;
+    if (!ok || !is_free(node, *path, pieces)) continue;
     path->num_pieces = node.depth + pieces;
     return true;
   }

@@ -23,6 +23,7 @@ class GoalShot {
  private:
   // From when on hovering at the goal is so until the horizon; kNever: not at all.
   Utime goal_open_from() const;
+  bool is_free(const SearchNode& node, const SearchPath& path, int pieces) const;
 
   const SearchContext& context_;
   std::optional<Utime> goal_open_utime_;  // once it was asked for

@@ -8,7 +8,7 @@ namespace {
 constexpr double kProgress_m = 0.3;  // so much nearer is on its way,
 constexpr double kProgress_s = 0.3;  // or what so much of full speed makes
 constexpr double kSetback_m = 1.0;   // so much farther: another way, for other reasons
-constexpr Duration kStands = 300ms;
+constexpr Duration kPatience = 2500ms, kStands = 300ms;
 constexpr Duration kLed = 10s;  // at most: what stopped it may be gone
 constexpr int kMostInVain = 4;
 constexpr double kLeast_m = 1.0, kMost_m = 8.0;  // of the way that it is led, twice as far each time it was not enough

@@ -17,14 +17,10 @@ class LocalMinimum {
   // Once a plan. `way_m`: the static way from where the robot is to its goal, where it may fly at `v_max_mps`; stands:
   // the robot rests, and a search that got stuck keeps it there. True: it shall follow the static way.
   bool leads(Utime utime, const Eigen::Vector3d& goal, double way_m, bool stands, double v_max_mps);
-  // It has come no nearer to its goal for long.
-  bool is_stuck(Utime utime) const { return mark_ && utime - mark_->utime >= kPatience; }
   // There is none to be followed: it tries again later.
   void give_up(Utime utime);
 
  private:
-  static constexpr Duration kPatience = 2500ms;
-
   struct Mark {
     Utime utime{};
     double way_m;

@@ -46,15 +46,38 @@ CellSpan cells_between(double bottom_m, double cell_m, int num_cells, double low
 }
 
 void StaticHeuristic::build(const Occupancy& standing, double blocked_m, const Eigen::Vector3d& goal,
-                            double space_min_z, double space_max_z, const Guidance* guidance, Detail detail) {
+                            const Eigen::AlignedBox3d& space, const Guidance* guidance, Detail detail) {
+  const bool is_guided = guidance != nullptr && !guidance->empty();
+  const bool any = lay_out(standing, blocked_m, goal, space, detail);
+  empty_ = (!any && !is_guided) || (size_.array() <= 0).any();
+  if (empty_) return;
+  open_cells();
+  seed_goal();
+  seed_edge(is_guided ? guidance : nullptr);
+  advance();
+}
+
+void StaticHeuristic::build_within(const Occupancy& standing, double blocked_m, const Eigen::Vector3d& goal,
+                                   const Eigen::AlignedBox3d& space) {
+  (void)lay_out(standing, blocked_m, goal, space, Detail::kCells);
+  empty_ = (size_.array() <= 0).any();
+  if (empty_) return;
+  open_cells();
+  seed_goal();
+  advance();
+}
+
+bool StaticHeuristic::lay_out(const Occupancy& standing, double blocked_m, const Eigen::Vector3d& goal,
+                              const Eigen::AlignedBox3d& space, Detail detail) {
   const GridGeometry& grid = standing.sogm->geometry;
   grid_ = grid;
+  is_cut_off_ = false;
+  goal_ = lattice_voxel(goal, grid.resolution_m);
   cell_voxels_ = detail == Detail::kCells && blocked_m >= kThickEnough * grid.resolution_m ? 2 : 1;
   first_cell_ = lattice_cell(grid.origin);
+  size_.setZero();
+  if ((cells_in(grid).array() <= 0).any()) return false;
   size_ = lattice_cell(grid.origin + grid.size - Eigen::Vector3i::Ones()) - first_cell_ + Eigen::Vector3i::Ones();
-  empty_ = true;
-  is_cut_off_ = false;
-  if ((cells_in(grid).array() <= 0).any()) return;
   const Columns all = all_columns(grid);
   const auto words = static_cast<std::size_t>(grid.words_per_column());
   const std::size_t row = static_cast<std::size_t>(grid.size.y()) * words;
@@ -63,19 +86,22 @@ void StaticHeuristic::build(const Occupancy& standing, double blocked_m, const E
   standing.append_layers(0, all, &layers_);
   dilator_.set(grid, blocked_m);
   dilator_.dilate(layers_, all, blocked_.data(), row);
-  const bool any = std::ranges::any_of(blocked_, [](std::uint64_t word) { return word != 0; });
-  if (!any && (guidance == nullptr || guidance->empty())) return;
-  empty_ = false;
 
+  const auto voxels = [&](const Eigen::Vector3d& place, double more) {
+    return ((place / grid.resolution_m - grid.origin.cast<double>()).array() - 0.5 + more).eval();
+  };
+  const Eigen::Array3d low = voxels(space.min(), -0.5), high = voxels(space.max(), 0.5);
+  const Eigen::Array2d last = all.last.cast<double>();
+  inside_columns_ = {low.head<2>().ceil().max(0.0).min(last + 1.0).cast<int>(),
+                     high.head<2>().floor().min(last).max(-1.0).cast<int>()};
   inside_.assign(words, 0);
-  const auto voxel = [&](double z) { return z / grid.resolution_m - 0.5 - grid.origin.z(); };
-  set_run(voxel(space_min_z) - 0.5, voxel(space_max_z) + 0.5, grid.size.z(), inside_.data());
-  open_cells();
-  goal_ = lattice_voxel(goal, grid.resolution_m);
-  seed_goal();
-  seed_edge(guidance != nullptr && !guidance->empty() ? guidance : nullptr);
+  set_run(low.z(), high.z(), grid.size.z(), inside_.data());
+  return std::ranges::any_of(blocked_, [](std::uint64_t word) { return word != 0; });
+}
+
+void StaticHeuristic::advance() {
   (void)front_.advance(std::numeric_limits<std::int64_t>::max());
-  is_cut_off_ = !start_of((lattice_cell(grid.origin + grid.size / 2) - first_cell_).cast<double>().array() + 0.5);
+  is_cut_off_ = !start_of((lattice_cell(grid_.origin + grid_.size / 2) - first_cell_).cast<double>().array() + 0.5);
 }
 
 void StaticHeuristic::open_cells() {
@@ -87,8 +113,10 @@ void StaticHeuristic::open_cells() {
     for (int y = 0; y < size_.y(); ++y) {
       const Eigen::Vector2i low = first.head<2>() + cell_voxels_ * Eigen::Vector2i(x, y);
       std::ranges::fill(column_, 0);
-      for (int at_x = std::max(0, low.x()); at_x < std::min(low.x() + cell_voxels_, grid_.size.x()); ++at_x) {
-        for (int at_y = std::max(0, low.y()); at_y < std::min(low.y() + cell_voxels_, grid_.size.y()); ++at_y) {
+      const Eigen::Vector2i from = low.cwiseMax(inside_columns_.first);
+      const Eigen::Vector2i to = (low.array() + cell_voxels_ - 1).min(inside_columns_.last.array());
+      for (int at_x = from.x(); at_x <= to.x(); ++at_x) {
+        for (int at_y = from.y(); at_y <= to.y(); ++at_y) {
           const std::uint64_t* blocked =
               blocked_.data() + static_cast<std::size_t>(at_x * grid_.size.y() + at_y) * words;
           for (std::size_t w = 0; w < words; ++w) column_[w] |= ~blocked[w] & inside_[w];
@@ -107,7 +135,9 @@ void StaticHeuristic::open_cells() {
 // At the voxels nearest to it: cells would lead around what stands there to be a little nearer.
 void StaticHeuristic::seed_goal() {
   const auto is_reachable = [&](const Eigen::Vector3i& voxel) {
-    return is_open(voxel) && (inside_[static_cast<std::size_t>(voxel.z() / 64)] >> voxel.z() % 64 & 1) != 0;
+    const Columns column{voxel.head<2>(), voxel.head<2>()};
+    return is_open(voxel) && intersect(column, inside_columns_) &&
+           (inside_[static_cast<std::size_t>(voxel.z() / 64)] >> voxel.z() % 64 & 1) != 0;
   };
   const Eigen::Vector3i goal = goal_ - grid_.origin;
   const bool is_closed = grid_.contains(goal) && !is_reachable(goal);
@@ -161,29 +191,49 @@ void StaticHeuristic::seed_edge(const Guidance* guidance) {
   });
 }
 
-std::optional<Eigen::Vector3d> StaticHeuristic::nearest_apart(const Eigen::AlignedBox3d& space,
-                                                              const Eigen::Vector3d& a, const Eigen::Vector3d& b,
-                                                              double apart_m) const {
+std::optional<StaticHeuristic::Refuge> StaticHeuristic::refuge(const Eigen::AlignedBox3d& space,
+                                                               const Eigen::Vector3d& other, double apart_m) const {
   if (empty_) return {};
-  const auto is_apart = [&](const Eigen::Vector3d& place) {
-    const double along = std::clamp((place - a).dot(b - a) / (b - a).squaredNorm(), 0.0, 1.0);
-    return (place - a - along * (b - a)).norm() > apart_m;
+  const auto middle = [&](const Eigen::Vector3i& cell) -> Eigen::Vector3d {
+    return ((cell + first_cell_).cast<double>().array() + 0.5) * cell_m();
   };
-  std::optional<Eigen::Vector3d> best;
-  int least = Wavefront::kUnreached;
-  for (int x = 0; x < size_.x(); ++x) {
-    for (int y = 0; y < size_.y(); ++y) {
-      for (int z = 0; z < size_.z(); ++z) {
-        const Eigen::Vector3d place =
-            ((Eigen::Vector3i(x, y, z) + first_cell_).cast<double>().array() + 0.5) * cell_m();
-        const int cost = front_.cost({x, y, z});
-        if (cost >= least || !is_open(grid_.voxel_of(place)) || !space.contains(place) || !is_apart(place)) continue;
-        least = cost;
-        best = place;
+  const auto for_each_reached = [&](auto visit) {
+    for (int x = 0; x < size_.x(); ++x) {
+      for (int y = 0; y < size_.y(); ++y) {
+        for (int z = 0; z < size_.z(); ++z) {
+          const Eigen::Vector3i cell(x, y, z);
+          const Eigen::Vector3d place = middle(cell);
+          const int cost = front_.cost(cell);
+          if (cost < Wavefront::kUnreached && is_open(grid_.voxel_of(place)) && space.contains(place))
+            visit(cell, place, cost);
+        }
       }
     }
-  }
-  return best;
+  };
+  std::optional<Eigen::Vector3i> farthest;
+  int most = -1;
+  for_each_reached([&](const Eigen::Vector3i& cell, const Eigen::Vector3d&, int cost) {
+    if (cost > most) most = cost, farthest = cell;
+  });
+  if (!farthest) return {};
+  std::vector<Eigen::Vector3d> way = {middle(*farthest)};
+  Eigen::Vector3i cell = *farthest;
+  for (Eigen::Vector3i next = next_of(cell); next != cell; cell = next, next = next_of(cell))
+    way.push_back(middle(next));
+  const Eigen::Vector3d came = other - way.back();
+  for (int i = 1, n = static_cast<int>(std::ceil(came.norm() / cell_m())); i <= n; ++i)
+    way.push_back(way[way.size() - 1] + came / n);
+  std::ranges::reverse(way);
+  Refuge refuge{way, way.back(), false};
+  int least = Wavefront::kUnreached;
+  for_each_reached([&](const Eigen::Vector3i&, const Eigen::Vector3d& place, int cost) {
+    const auto is_near = [&](const Eigen::Vector3d& at) { return (place - at).squaredNorm() < apart_m * apart_m; };
+    if (cost >= least || std::ranges::any_of(way, is_near)) return;
+    least = cost;
+    refuge.place = place;
+    refuge.is_apart = true;
+  });
+  return refuge;
 }
 
 // Through cells that are not closed all through.

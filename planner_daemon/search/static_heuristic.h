@@ -40,10 +40,13 @@ class StaticHeuristic {
   static constexpr double kThickEnough = 2.45;
 
   // Least ways to `goal` from every voxel that is farther than `blocked_m` from what is occupied in frame 0 of
-  // `standing` and within [space_min_z, space_max_z] (sideways the flight space is open in practice). From the window's
+  // `standing` and within the flight space `space`, W [m]. From the window's
   // edge the way goes on as `guidance` knows it; null: straight. Empty when nothing stands in the way.
-  void build(const Occupancy& standing, double blocked_m, const Eigen::Vector3d& goal, double space_min_z,
-             double space_max_z, const Guidance* guidance, Detail detail = Detail::kCells);
+  void build(const Occupancy& standing, double blocked_m, const Eigen::Vector3d& goal, const Eigen::AlignedBox3d& space,
+             const Guidance* guidance, Detail detail = Detail::kCells);
+  // The same through the window alone, in cells: from its edge no way goes on.
+  void build_within(const Occupancy& standing, double blocked_m, const Eigen::Vector3d& goal,
+                    const Eigen::AlignedBox3d& space);
 
   // It knows nothing that a straight way does not.
   bool empty() const { return empty_; }
@@ -65,10 +68,15 @@ class StaticHeuristic {
   std::optional<Eigen::Vector3d> beside_goal(const Eigen::Vector3d& place) const;
   // Of the way from `place` [Wavefront::Cost].
   int cost(const Eigen::Vector3d& place) const;
-  // The place inside `space` from which the way to the goal is the shortest among those farther than `apart_m` from the
-  // line from a to b, W [m]; none: there is none.
-  std::optional<Eigen::Vector3d> nearest_apart(const Eigen::AlignedBox3d& space, const Eigen::Vector3d& a,
-                                               const Eigen::Vector3d& b, double apart_m) const;
+  // Where somebody who comes to the goal from `other`, and flies on to the place inside `space` from which the way to
+  // the goal is the longest, is let pass.
+  struct Refuge {
+    std::vector<Eigen::Vector3d> way;  // from cell to cell, W [m]
+    Eigen::Vector3d place;
+    bool is_apart;  // it is the nearest one that is farther than `apart_m` from that way; else the one at its end
+  };
+  // None: no place is reached.
+  std::optional<Refuge> refuge(const Eigen::AlignedBox3d& space, const Eigen::Vector3d& other, double apart_m) const;
 
   // Word `w` of the column of the lattice at (x, y), from the voxel `z` of the lattice on: what stands still is too
   // close to these voxels. 0 beyond the window and where the goal cannot be reached.
@@ -91,11 +99,15 @@ class StaticHeuristic {
   static int ticks_of(int cost, int per_cell) { return cost * per_cell / (kCellVoxels * Wavefront::kStraight); }
 
  private:
+  // False: nothing stands in the window.
+  bool lay_out(const Occupancy& standing, double blocked_m, const Eigen::Vector3d& goal,
+               const Eigen::AlignedBox3d& space, Detail detail);
   void open_cells();  // where any of their voxels is
+  void advance();
   void seed_goal();
   // From the outermost voxels on, where the way goes on: by the guidance, or straight (null).
   void seed_edge(const Guidance* guidance);
-  bool is_open(const Eigen::Vector3i& voxel) const {
+  bool is_open(const Eigen::Vector3i& voxel) const {  // wherever the flight space ends
     const Eigen::Index words = grid_.words_per_column();
     const Eigen::Index at = (Eigen::Index{voxel.x()} * grid_.size.y() + voxel.y()) * words + voxel.z() / 64;
     return grid_.contains(voxel) && (blocked_[static_cast<std::size_t>(at)] >> voxel.z() % 64 & 1) == 0;
@@ -131,7 +143,8 @@ class StaticHeuristic {
   Dilator dilator_;
   std::vector<Layer> layers_;
   std::vector<std::uint64_t> blocked_;  // columns
-  std::vector<std::uint64_t> inside_;   // of a column: within the flight space
+  Columns inside_columns_;              // within the flight space
+  std::vector<std::uint64_t> inside_;   // of each of them: the same
   std::vector<std::uint64_t> column_;   // scratch of open_cells()
   std::vector<Eigen::Vector3i> ends_;   // voxels of the lattice where ways end, when the goal is closed
   Wavefront front_;

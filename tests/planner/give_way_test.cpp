@@ -63,19 +63,34 @@ class TubeFixture : public Fixture {
 
 TEST(GiveWay, LetsAPeerWithTheRightOfWayPassWhereOnlyOneFitsThrough) {
   TubeFixture f(kRobot - 1);
-  f.go_on(2.0);
+  f.go_on(1.5);
   EXPECT_LT(std::abs(f.planned_x()), 0.5) << "nothing is to be done yet";
   f.go_on(2.0);
   EXPECT_LT(f.planned_x(), -0.5);
-  f.peer = kHome + Eigen::Vector3d(-2.5, 0, 0);
+  f.peer = kHome + Eigen::Vector3d(-3.5, 0, 0);
   f.go_on(0.5);
   EXPECT_GT(f.planned_x(), 0.5) << "it has passed";
 }
 
-TEST(GiveWay, DoesNotGoBackForAPeerWithoutTheRightOfWay) {
+TEST(GiveWay, WithTheRightOfWayItGoesBackOnlyWhenNobodyElseDoes) {
   TubeFixture f(kRobot + 1);
-  f.go_on(4.0);
+  f.go_on(10.0);
   EXPECT_GT(f.planned_x(), -0.5);
+  f.go_on(4.0);
+  EXPECT_LT(f.planned_x(), -0.5);
+}
+
+// Whoever comes along slowly is let come.
+TEST(GiveWay, WaitsAsLongAsThePeerComesNearer) {
+  TubeFixture f(kRobot - 1);
+  f.peer = kHome + Eigen::Vector3d(1.4, 0, 0);
+  f.go_on(4.0);
+  ASSERT_LT(f.planned_x(), -0.5);
+  for (int i = 0; i < 9; ++i) {
+    f.peer.x() -= 0.1;
+    f.go_on(1.0);
+    EXPECT_LT(f.planned_x(), -0.5) << i;
+  }
 }
 
 TEST(GiveWay, WaitsForNobodyWhoDoesNotCome) {

@@ -548,7 +548,7 @@ TEST(PlannerTest, SmoothingLowersTheJerkOfTheSearchedPathInsideItsCorridors) {
     SpaceTimeHeuristic heuristic;
     StaticHeuristic static_heuristic;
     const double blocked_m = config.space.blocked_m();
-    static_heuristic.build({&still}, blocked_m, request.goal, limits.space_min.z(), limits.space_max.z(), nullptr);
+    static_heuristic.build({&still}, blocked_m, request.goal, {limits.space_min, limits.space_max}, nullptr);
     heuristic.build({&sogm}, blocked_m, &static_heuristic, reach, request.goal, limits.space_min, limits.space_max);
     problem.heuristic = &heuristic;
     SearchResult path;

@@ -12,8 +12,9 @@ namespace swarm {
 
 class PlainStaticHeuristic {
  public:
-  PlainStaticHeuristic(const Sogm& standing, double blocked_m, const Eigen::Vector3d& goal, double low_z, double high_z,
-                       const Guidance* guidance, StaticHeuristic::Detail detail = StaticHeuristic::Detail::kCells)
+  PlainStaticHeuristic(const Sogm& standing, double blocked_m, const Eigen::Vector3d& goal,
+                       const Eigen::AlignedBox3d& space, const Guidance* guidance,
+                       StaticHeuristic::Detail detail = StaticHeuristic::Detail::kCells)
       : grid(standing.geometry),
         edge(detail == StaticHeuristic::Detail::kCells && blocked_m >= StaticHeuristic::kThickEnough * grid.resolution_m
                  ? 2
@@ -33,11 +34,14 @@ class PlainStaticHeuristic {
         nothing_stands = false;
       }
     });
-    const auto is_in_flight_space = [&](int z) {
-      const double bottom = (z + grid.origin.z()) * grid.resolution_m;
-      return bottom + grid.resolution_m >= low_z && bottom <= high_z;
+    const auto is_in_flight_space = [&](const Eigen::Vector3i& v, int first_axis) {
+      const Eigen::Vector3d low = (v + grid.origin).cast<double>() * grid.resolution_m;
+      for (int axis = first_axis; axis < 3; ++axis) {
+        if (low[axis] + grid.resolution_m < space.min()[axis] || low[axis] > space.max()[axis]) return false;
+      }
+      return true;
     };
-    const auto is_reachable = [&](const Eigen::Vector3i& v) { return is_in_flight_space(v.z()) && !is_too_close(v); };
+    const auto is_reachable = [&](const Eigen::Vector3i& v) { return is_in_flight_space(v, 0) && !is_too_close(v); };
     voxels.for_each_voxel([&](const Eigen::Vector3i& v) {
       if (is_reachable(v)) ways.open[ways.index(cell_of(v))] = true;
     });
@@ -62,7 +66,7 @@ class PlainStaticHeuristic {
       const bool is_side =
           cell.x() == 0 || cell.y() == 0 || cell.x() == ways.size.x() - 1 || cell.y() == ways.size.y() - 1;
       if (is_side || cost == Wavefront::kUnreached) return cost;
-      if (!is_in_flight_space(cell.z() == 0 ? 0 : grid.size.z() - 1)) return int{PlainWays::kNone};
+      if (!is_in_flight_space({0, 0, cell.z() == 0 ? 0 : grid.size.z() - 1}, 2)) return int{PlainWays::kNone};
       if (!is_guided) return cost;
       // Above and below: where the guided way goes on two voxels beside, it is found from there; else a little late.
       const int stride = 2 / edge;

@@ -386,6 +386,38 @@ TEST(KinodynamicSearchTest, AGoalCountsOnlyWhenItStaysFree) {
   EXPECT_EQ(find(late), SearchStatus::kSurvives);
 }
 
+// Past corners of what is blocked a quintic may be free where it is sampled only: the robot would find it again and
+// again, and never fly it.
+TEST(KinodynamicSearchTest, GoalShotsAreFreeBetweenSamples) {
+  Rng rng(12);
+  const SearchLimits limits;
+  const SearchOptions options;
+  KinodynamicSearch search(limits, options);
+  SearchResult result;
+  int shots = 0, others = 0;
+  for (int trial = 0; trial < 1500; ++trial) {
+    Sogm occupied = empty_map({4, 4, 2}, 0.1, 1, kStart, 200ms);
+    const Vector3d goal = in_box(rng, {0.8, -0.5, -0.2}, {1.2, 0.5, 0.2});
+    for (int i = 0; i < 3; ++i)
+      set_voxel(&occupied, 0, occupied.geometry.voxel_of(uniform(rng, 0.2, 0.8) * goal + in_cube(rng, 0.4)));
+    const Scene scene(occupied);
+    const SearchProblem problem = scene.problem(at_rest(Vector3d::Zero()), kStart, goal);
+    if (occupied_at(scene.blocked, Vector3d::Zero(), kStart)) continue;
+    const SearchStatus status = search.find(problem, &result);
+    if (status != SearchStatus::kGoal || result.expansions > 1) {
+      ++others;
+      continue;
+    }
+    ++shots;
+    for (Duration since = 0ms; since < result.num_pieces * options.piece; since += 10ms) {
+      const Vector3d position = state_at(result, to_seconds(options.piece), to_seconds(since)).position;
+      ASSERT_FALSE(occupied_at(scene.blocked, position, kStart + since)) << trial << ", " << to_seconds(since) << " s";
+    }
+  }
+  EXPECT_GT(shots, 100);
+  EXPECT_GT(others, 200);
+}
+
 TEST(KinodynamicSearchTest, LeavesBlockedSpaceWithoutTouching) {
   const SearchLimits limits;
   SearchOptions options;

@@ -116,8 +116,9 @@ struct Comparisons {
 void compare_all(const SpaceTimeScene& scene, bool is_guided, SpaceTimeHeuristic* heuristic, Rng& rng,
                  Comparisons* sum) {
   StaticHeuristic around;
-  around.build({&scene.standing}, kBlocked_m, scene.goal, scene.low_z, scene.high_z, nullptr);
-  const PlainStaticHeuristic plain_around(scene.standing, kBlocked_m, scene.goal, scene.low_z, scene.high_z, nullptr);
+  const Eigen::AlignedBox3d space(Vector3d(-99, -99, scene.low_z), Vector3d(99, 99, scene.high_z));
+  around.build({&scene.standing}, kBlocked_m, scene.goal, space, nullptr);
+  const PlainStaticHeuristic plain_around(scene.standing, kBlocked_m, scene.goal, space, nullptr);
   const StaticHeuristic* guided = is_guided ? &around : nullptr;
   const bool has_ways = is_guided && !around.empty() && !around.is_cut_off();
   const auto subgoal = has_ways ? around.subgoal(scene.reach.center) : std::nullopt;
@@ -323,7 +324,7 @@ TEST(SpaceTimeHeuristicTest, FarGoalsAreFarEverywhere) {
   for (const double far_m : {600.0, 1000.0, 3e4, 1e30}) {
     const Vector3d goal(far_m, 1.0, 0.0);
     StaticHeuristic static_heuristic;
-    static_heuristic.build({&standing}, kBlocked_m, goal, -0.84, 0.84, nullptr);
+    static_heuristic.build({&standing}, kBlocked_m, goal, {Vector3d(-99, -99, -0.84), Vector3d(99, 99, 0.84)}, nullptr);
     SpaceTimeHeuristic heuristic;
     heuristic.build({&occupied}, kBlocked_m, &static_heuristic, {{0, 0, 0}, kStart, 2.0, 2.0}, goal, {-99, -99, -1},
                     {99, 99, 1});
