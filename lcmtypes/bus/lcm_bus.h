@@ -1,32 +1,20 @@
-// One LCM bus: bytes in and out of UDP multicast. What the bytes mean is for the nodes, see codec.h.
+// One LCM bus: bytes in and out of UDP multicast, as liblcm's own programs send and hear them. What the bytes mean is
+// for the nodes, see codec.h. liblcm itself takes no part: forged fragments crash it, and it hears every network.
 #pragma once
 
+#include <chrono>
 #include <cstdint>
-#include <exception>
 #include <functional>
-#include <memory>
 #include <span>
 #include <string>
 #include <string_view>
 #include <vector>
 
-namespace lcm {
-class LCM;
-}
+#include "lcmtypes/bus/bus_url.h"
+#include "lcmtypes/bus/lcm_wire.h"
+#include "lcmtypes/bus/multicast_socket.h"
 
 namespace swarm {
-
-// A checked udpm://ADDRESS:PORT?ttl=N&recv_buf_size=N. Buses must differ by port: LCM hears all groups of its port.
-struct UdpmUrl {
-  std::string group;              // multicast address, 224.0.0.0 to 239.255.255.255
-  int port = 0;                   // [1, 65535]
-  int ttl = 0;                    // [0, 255]; 0 never leaves the computer, 1 stays in the local network
-  int recv_buf_size = 2'097'152;  // asked of the kernel [bytes], [4096, 2^30]: all fragments of a message must fit
-
-  // Throws std::invalid_argument with the URL and what is wrong with it.
-  static UdpmUrl parse(const std::string& url);
-  std::string to_string() const;  // names every parameter
-};
 
 // Not copyable; used by one thread.
 class LcmBus {
@@ -34,9 +22,8 @@ class LcmBus {
   using Handler = std::function<void(std::string_view channel, std::span<const std::uint8_t> bytes)>;
 
   // Throws std::invalid_argument for a malformed URL and std::runtime_error with the mending command when the computer
-  // has no route for multicast or LCM cannot be started.
+  // has no route for multicast or does not hear what it sends.
   explicit LcmBus(const std::string& url);
-  ~LcmBus();
 
   // What is in force.
   const UdpmUrl& url() const { return url_; }
@@ -44,31 +31,36 @@ class LcmBus {
   const std::vector<std::string>& warnings() const { return warnings_; }
 
   // Calls `handler` from drain() for each message of exactly this channel, the own ones included, whatever its bytes.
-  // Letters, digits and '_' only (std::invalid_argument), for LCM takes channels as regular expressions.
+  // Letters, digits and '_' only (std::invalid_argument), for LCM's programs take channels as regular expressions.
   void subscribe(const std::string& channel, Handler handler);
 
   // False when the message could not be sent.
   [[nodiscard]] bool publish(std::string_view channel, std::span<const std::uint8_t> bytes);
 
-  // Handles what is pending, without waiting, and returns the number of messages; a flood is handled in portions, so
-  // that the caller gets its turn. What a handler throws leaves drain() after LCM has been left in order.
+  // Handles what is pending, without waiting, and returns the number of messages of subscribed channels; a flood is
+  // handled in portions of 2 ms, so that the caller gets its turn. What a handler throws leaves drain(); the rest stays
+  // pending.
   int drain();
 
   // Readable while messages are pending.
-  int fd() const { return fd_; }
+  int fd() const { return socket_.fd(); }
 
  private:
   struct Subscription {
-    LcmBus* bus;
+    std::string channel;
     Handler handler;
   };
 
+  void test_itself();
+  void join_again();
+
   UdpmUrl url_;
+  MulticastSocket socket_;
+  LcmReader reader_;
+  std::uint32_t sent_ = 0;  // messages
+  std::chrono::steady_clock::time_point joined_;
   std::vector<std::string> warnings_;
-  std::unique_ptr<lcm::LCM> lcm_;
-  int fd_ = -1;
-  std::vector<std::unique_ptr<Subscription>> subscriptions_;  // LCM holds their addresses
-  std::exception_ptr thrown_;                                 // by a handler during drain()
+  std::vector<Subscription> subscriptions_;
 };
 
 }  // namespace swarm

@@ -113,7 +113,7 @@ class RealtimeHost::Seat : public Outbox {
     if (url.empty()) return;
     Port& opened = port(id);
     opened.bus = std::make_unique<LcmBus>(url);
-    opened.descriptor.emplace(io, ::dup(opened.bus->fd()));  // LCM closes its own, Asio the copy
+    opened.descriptor.emplace(io, ::dup(opened.bus->fd()));  // the bus closes its own, Asio the copy
   }
 
   void await_messages(Port& port) {
