@@ -23,7 +23,8 @@ constexpr char kSelfTestChannel[] = "LCM_SELF_TEST";  // liblcm's, which its pro
 
 }  // namespace
 
-LcmBus::LcmBus(const std::string& url) : url_(UdpmUrl::parse(url)), socket_(url_), joined_(steady_clock::now()) {
+LcmBus::LcmBus(const std::string& url, SwarmKeys keys)
+    : url_(UdpmUrl::parse(url)), socket_(url_), keys_(std::move(keys)), joined_(steady_clock::now()) {
   const int granted = socket_.receive_buffer();
   if (granted < url_.recv_buf_size) {
     const std::string asked = std::to_string(url_.recv_buf_size);
@@ -52,7 +53,8 @@ void LcmBus::test_itself() {
     }
     while (const auto datagram = socket_.receive()) {
       const auto message = reader_.read(datagram->sender, datagram->bytes);
-      if (message && message->channel == kSelfTestChannel && std::ranges::equal(message->bytes, own)) return;
+      if (message && message->channel == kSelfTestChannel && std::ranges::equal(without_seal(message->bytes), own))
+        return;
       if (steady_clock::now() >= end) break;
     }
     pollfd pending{fd(), POLLIN, 0};
@@ -81,6 +83,11 @@ void LcmBus::subscribe(const std::string& channel, Handler handler) {
 
 bool LcmBus::publish(std::string_view channel, std::span<const std::uint8_t> bytes) {
   join_again();
+  if (!keys_.empty()) {
+    sealed_.assign(bytes.begin(), bytes.end());
+    keys_.seal(channel, &sealed_);
+    bytes = sealed_;
+  }
   return write_lcm(sent_++, {channel, bytes},
                    [this](const auto& head, const auto& payload) { return socket_.send(head, payload); });
 }
@@ -93,13 +100,16 @@ int LcmBus::drain() {
     if (!datagram) break;
     const auto message = reader_.read(datagram->sender, datagram->bytes);
     if (!message) continue;
-    bool is_wanted = false;
-    for (const Subscription& subscription : subscriptions_) {
-      if (subscription.channel != message->channel) continue;
-      is_wanted = true;
-      subscription.handler(message->channel, message->bytes);
+    const auto is_of = [&](const Subscription& subscription) { return subscription.channel == message->channel; };
+    if (std::ranges::none_of(subscriptions_, is_of)) continue;
+    ++handled;
+    if (!keys_.empty() && !keys_.opens(message->channel, message->bytes)) {
+      ++forged_;
+      continue;
     }
-    handled += is_wanted ? 1 : 0;
+    for (const Subscription& subscription : subscriptions_) {
+      if (is_of(subscription)) subscription.handler(message->channel, without_seal(message->bytes));
+    }
   }
   return handled;
 }

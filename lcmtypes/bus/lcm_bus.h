@@ -13,6 +13,7 @@
 #include "lcmtypes/bus/bus_url.h"
 #include "lcmtypes/bus/lcm_wire.h"
 #include "lcmtypes/bus/multicast_socket.h"
+#include "lcmtypes/bus/seal.h"
 
 namespace swarm {
 
@@ -22,8 +23,9 @@ class LcmBus {
   using Handler = std::function<void(std::string_view channel, std::span<const std::uint8_t> bytes)>;
 
   // Throws std::invalid_argument for a malformed URL and std::runtime_error with the mending command when the computer
-  // has no route for multicast or does not hear what it sends.
-  explicit LcmBus(const std::string& url);
+  // has no route for multicast or does not hear what it sends. With `keys` all that is sent is sealed, and what comes
+  // without a good seal is as if it had not come; without, seals are taken off unread.
+  explicit LcmBus(const std::string& url, SwarmKeys keys = {});
 
   // What is in force.
   const UdpmUrl& url() const { return url_; }
@@ -42,6 +44,9 @@ class LcmBus {
   // pending.
   int drain();
 
+  // Messages of subscribed channels without a good seal so far.
+  std::int64_t forged() const { return forged_; }
+
   // Readable while messages are pending.
   int fd() const { return socket_.fd(); }
 
@@ -57,6 +62,9 @@ class LcmBus {
   UdpmUrl url_;
   MulticastSocket socket_;
   LcmReader reader_;
+  SwarmKeys keys_;
+  std::vector<std::uint8_t> sealed_;  // what is sent last
+  std::int64_t forged_ = 0;
   std::uint32_t sent_ = 0;  // messages
   std::chrono::steady_clock::time_point joined_;
   std::vector<std::string> warnings_;

@@ -50,16 +50,42 @@ void check_url(const std::string& url) {
   }
 }
 
+SwarmKeys read_keys(const std::string& file, bool insecure) {
+  if (insecure) return {};
+  if (file.empty()) {
+    throw OptionError(
+        "--key-file: must name the file with the swarm's key (tools/new_key makes one), or --insecure true "
+        "be given, and whoever is on the network be believed");
+  }
+  return SwarmKeys::read(file);
+}
+
+// Says again and again that there is no key.
+class InsecureReminder {
+ public:
+  explicit InsecureReminder(boost::asio::io_context& io) : timer_(io) {}
+  void remind() {
+    spdlog::warn("--insecure: there is no key, whoever is on the swarm bus is believed");
+    timer_.expires_after(60s);
+    timer_.async_wait([this](const boost::system::error_code& error) {
+      if (!error) remind();
+    });
+  }
+
+ private:
+  boost::asio::steady_timer timer_;
+};
+
 }  // namespace
 
 // A node, its buses and its wake-ups.
 class RealtimeHost::Seat : public Outbox {
  public:
   Seat(boost::asio::io_context& io, std::string name, Node& node, const std::string& onboard_url,
-       const std::string& swarm_url, HostClock clock)
+       const std::string& swarm_url, HostClock clock, const SwarmKeys& keys)
       : name_(std::move(name)), node_(node), config_(clock), clock_(clock.read()), timer_(io) {
-    open(io, BusId::kOnboard, onboard_url);
-    open(io, BusId::kSwarm, swarm_url);
+    open(io, BusId::kOnboard, onboard_url, {});
+    open(io, BusId::kSwarm, swarm_url, keys);
     std::array<std::string, 2> channels;
     for (const Subscription& subscription : node_.subscriptions()) {
       const BusId id = subscription.bus;
@@ -105,14 +131,15 @@ class RealtimeHost::Seat : public Outbox {
   struct Port {
     std::unique_ptr<LcmBus> bus;
     std::optional<boost::asio::posix::stream_descriptor> descriptor;
+    std::int64_t forged_told = 0;
   };
 
   Port& port(BusId id) { return ports_[static_cast<std::size_t>(id)]; }
 
-  void open(boost::asio::io_context& io, BusId id, const std::string& url) {
+  void open(boost::asio::io_context& io, BusId id, const std::string& url, const SwarmKeys& keys) {
     if (url.empty()) return;
     Port& opened = port(id);
-    opened.bus = std::make_unique<LcmBus>(url);
+    opened.bus = std::make_unique<LcmBus>(url, keys);
     opened.descriptor.emplace(io, ::dup(opened.bus->fd()));  // the bus closes its own, Asio the copy
   }
 
@@ -121,9 +148,17 @@ class RealtimeHost::Seat : public Outbox {
                                 [this, &port](const boost::system::error_code& error) {
                                   if (error) throw std::runtime_error(name_ + ": bus lost: " + error.message());
                                   port.bus->drain();
+                                  tell_of_forged(port);
                                   step();
                                   await_messages(port);
                                 });
+  }
+
+  void tell_of_forged(Port& port) {
+    const std::int64_t forged = port.bus->forged() - port.forged_told;
+    if (forged == 0 || !forged_warnings_.pass()) return;
+    spdlog::warn("{}: {} messages on the swarm bus were not sealed with this swarm's key", name_, forged);
+    port.forged_told = port.bus->forged();
   }
 
   void step() {
@@ -176,15 +211,15 @@ class RealtimeHost::Seat : public Outbox {
   Duration replay_offset_{};
   std::array<Port, 2> ports_;
   boost::asio::steady_timer timer_;
-  RateLimit send_warnings_, clock_warnings_;
+  RateLimit send_warnings_, clock_warnings_, forged_warnings_;
 };
 
 RealtimeHost::RealtimeHost() : signals_(io_, SIGINT, SIGTERM) {}
 RealtimeHost::~RealtimeHost() = default;
 
 void RealtimeHost::add(const std::string& name, Node& node, const std::string& onboard_url,
-                       const std::string& swarm_url, HostClock clock) {
-  seats_.push_back(std::make_unique<Seat>(io_, name, node, onboard_url, swarm_url, clock));
+                       const std::string& swarm_url, HostClock clock, const SwarmKeys& keys) {
+  seats_.push_back(std::make_unique<Seat>(io_, name, node, onboard_url, swarm_url, clock, keys));
 }
 
 void RealtimeHost::deliver(const Node& node, const std::function<void(Utime, Outbox&)>& with) {
@@ -220,12 +255,23 @@ int daemon_main(const std::string& program, const std::string& usage, int argc, 
     options.add("clock-offset-ms", &clock_offset_ms, -10'000, 10'000, "ms",
                 "added to this computer's clock, to try what wrong clocks do");
     options.add("onboard-url", &onboard_url, "bus inside the robot, one port per robot", check_url);
-    if (!swarm_url.empty()) options.add("swarm-url", &swarm_url, "bus between the robots, another port", check_url);
+    std::string key_file;
+    bool insecure = false;
+    if (!swarm_url.empty()) {
+      options.add("swarm-url", &swarm_url, "bus between the robots, another port", check_url);
+      options.add("key-file", &key_file,
+                  "the key that all robots of the swarm share: what peers say is sealed with it");
+      options.add("insecure", &insecure,
+                  "fly without a key, whatever --key-file says: believe whoever speaks on the swarm bus");
+    }
     if (options.parse(argc, argv, std::cout) == OptionSet::Parsed::kExit) return EXIT_SUCCESS;
+    const SwarmKeys keys = swarm_url.empty() ? SwarmKeys() : read_keys(key_file, insecure);
     const std::unique_ptr<Node> node = make_node();
     const HostClock clock{replay ? TimeSource::kMessages : TimeSource::kClock, to_duration(1e-3 * clock_offset_ms)};
     RealtimeHost host;
-    host.add(program, *node, onboard_url, swarm_url, clock);
+    host.add(program, *node, onboard_url, swarm_url, clock, keys);
+    InsecureReminder reminder(host.io());
+    if (insecure) reminder.remind();
     const std::shared_ptr<void> attached = attach ? attach(host) : nullptr;
     host.run();
     return EXIT_SUCCESS;

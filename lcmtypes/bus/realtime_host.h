@@ -13,6 +13,7 @@
 #include "lcmtypes/bus/node.h"
 #include "lcmtypes/bus/node_clock.h"
 #include "lcmtypes/bus/option_set.h"
+#include "lcmtypes/bus/seal.h"
 
 namespace swarm {
 
@@ -34,8 +35,9 @@ class RealtimeHost {
 
   // Puts a node on its buses; an empty URL stands for a bus that it has not. `name` is for the log. Throws what LcmBus
   // throws, and std::invalid_argument when the node subscribes to a bus that it has not. `node` must outlive the host.
+  // `keys` are of the swarm bus.
   void add(const std::string& name, Node& node, const std::string& onboard_url, const std::string& swarm_url,
-           HostClock clock = {});
+           HostClock clock = {}, const SwarmKeys& keys = {});
 
   // For what reaches a node otherwise than over its buses (a socket, a serial device): calls `with` with the node's
   // time and outbox, then lets the node step. From within run() only; throws std::invalid_argument when the node was
@@ -61,7 +63,8 @@ using Attachment = std::function<std::shared_ptr<void>(RealtimeHost&)>;
 
 enum class DaemonBuses { kOnboard, kOnboardAndSwarm };
 
-// All of a daemon's main(): `declare` adds the node's options, --onboard-url (and --swarm-url) come with it;
+// All of a daemon's main(): `declare` adds the node's options, --onboard-url (and --swarm-url, --key-file, --insecure)
+// come with it;
 // `make_node` is called when they are read, `attach` (if any) after it. Returns 2 after one line on stderr for whatever
 // is wrong with options, node, buses or attachment.
 int daemon_main(const std::string& program, const std::string& usage, int argc, const char* const* argv,

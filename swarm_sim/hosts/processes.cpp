@@ -28,8 +28,8 @@ constexpr Duration kReadyTimeout = 20s;
 
 // A daemon's config file: what its --print-config would print.
 template <class Config>
-void write_config(Config config, Duration clock_offset, const std::string& onboard_url, const std::string* swarm_url,
-                  const std::filesystem::path& file) {
+void write_config(Config config, Duration clock_offset, const std::string& onboard_url,
+                  const std::filesystem::path& file, const std::string& more = "") {
   OptionSet options("", "");
   declare(options, config);
   std::ostringstream text;
@@ -37,7 +37,7 @@ void write_config(Config config, Duration clock_offset, const std::string& onboa
   (void)options.parse(2, arguments, text);
   text << "clock-offset-ms = " << to_ms(clock_offset) << '\n';
   text << "onboard-url = " << onboard_url << '\n';
-  if (swarm_url != nullptr) text << "swarm-url = " << *swarm_url << '\n';
+  text << more;
   write_file(file, text.str());
 }
 
@@ -91,8 +91,15 @@ std::vector<RobotPlace> places_of(const World& world, const ProcessOptions& proc
 
 // Where daemons come from and where they put things.
 struct DaemonDirectories {
-  std::filesystem::path programs, out, promises;
+  std::filesystem::path programs, out, promises, key_file;
 };
+
+SwarmKeys make_keys(const std::filesystem::path& file) {
+  const std::string key = SwarmKeys::fresh();
+  write_file(file, key);
+  std::filesystem::permissions(file, std::filesystem::perms::owner_read);
+  return SwarmKeys(key);
+}
 
 // A robot's daemons in the order of kDaemons, with their config files written.
 std::vector<DaemonProgram> daemons_of(const World& world, const WorldRobot& robot, const FlightOptions& options,
@@ -100,11 +107,12 @@ std::vector<DaemonProgram> daemons_of(const World& world, const WorldRobot& robo
   const auto file = [&](const std::string& daemon, const char* ending) {
     return directories.out / ("robot" + std::to_string(robot.id) + "-" + daemon + ending);
   };
-  write_config(map_config(world, robot, options), clock, place.onboard_url, nullptr, file("map", ".cfg"));
-  write_config(planner_config(world, robot, options), clock, place.onboard_url, nullptr, file("planner", ".cfg"));
+  write_config(map_config(world, robot, options), clock, place.onboard_url, file("map", ".cfg"));
+  write_config(planner_config(world, robot, options), clock, place.onboard_url, file("planner", ".cfg"));
   BroadcastConfig broadcast = broadcast_config(world, robot, options);
   broadcast.state_dir = directories.promises.string();
-  write_config(broadcast, clock, place.onboard_url, &place.swarm_url, file("broadcast", ".cfg"));
+  write_config(broadcast, clock, place.onboard_url, file("broadcast", ".cfg"),
+               "swarm-url = " + place.swarm_url + "\nkey-file = " + directories.key_file.string() + "\n");
   std::vector<DaemonProgram> daemons;
   for (const char* daemon : kDaemons) {
     const std::string program = std::string(daemon) + "_daemon";
@@ -198,7 +206,9 @@ RunReport run_processes(const World& world, const OccupiedCubes* static_map, con
   const TemporaryDirectory temporary("swarm_sim");
   const DaemonDirectories directories = {
       processes.programs.empty() ? std::filesystem::read_symlink("/proc/self/exe").parent_path() : processes.programs,
-      processes.out.empty() ? temporary.path() : processes.out, temporary.path()};
+      processes.out.empty() ? temporary.path() : processes.out, temporary.path(), temporary.path() / "swarm.key"};
+  // This flight's own: other swarms on the bus are not heard.
+  const SwarmKeys keys = processes.start_daemons ? make_keys(directories.key_file) : SwarmKeys();
   if (processes.netns.empty() && processes.start_daemons) refuse_used_bus(swarm_bus_url(processes.base_port));
   spdlog::set_level(spdlog::level::warn);
   check_robots(world, options);
@@ -226,10 +236,10 @@ RunReport run_processes(const World& world, const OccupiedCubes* static_map, con
     const std::string name = "robot " + std::to_string(robot.id);
     const InNamespace there(place.netns);
     host.add(name, watches.emplace_back(robot.id, place.share, recorder), place.onboard_url,
-             place.share == SwarmShare::kNone ? "" : place.swarm_url);
+             place.share == SwarmShare::kNone ? "" : place.swarm_url, {}, keys);
     host.add("environment of " + name, environments.emplace_back(simulation, i, options.sensor_rate_hz, boot),
              place.onboard_url, "");
-    if (relayed) host.add("relay of " + name, relay.add_robot(robot.id), "", place.swarm_url);
+    if (relayed) host.add("relay of " + name, relay.add_robot(robot.id), "", place.swarm_url, {}, keys);
     if (!processes.start_daemons) continue;
     for (DaemonProgram& daemon : daemons_of(world, robot, options, place, clocks[i], directories)) {
       std::filesystem::remove(daemon.log);  // of an earlier flight

@@ -29,7 +29,7 @@ struct CountField {
 };
 template <>
 struct CountField<announcement_t> {
-  static constexpr int bytes = 2, cap = 62;
+  static constexpr int bytes = 2, cap = 60;
 };
 template <>
 struct CountField<corridors_t> {
@@ -276,7 +276,7 @@ TEST(Codec, RefusesToEncodeACountThatIsNotTheNumberOfElements) {
 TEST(Codec, SizesOnTheSwarmBusFitOneFrame) {
   Random random(11);
   EXPECT_EQ(encoded(make<announcement_t>(random, 0)).size(), 891u);
-  EXPECT_EQ(encoded(make<announcement_t>(random, 62)).size(), 1449u);
+  EXPECT_EQ(encoded(make<announcement_t>(random, 60)).size(), 1431u);
 }
 
 TEST(CheckTime, HoldsAtItsBoundsAndForAnyTime) {

@@ -229,7 +229,7 @@ TEST(BridgeProgram, OutlivesTheBroadcastDaemon) {
   endpoint.connect_to(link_port());
   Bridge bridge("udp:" + std::to_string(link_port()), endpoint);
   Program daemon({"broadcast_daemon", "--robot-id", std::to_string(kRobot), "--onboard-url", local_url(base_port()),
-                  "--swarm-url", local_url(base_port() + 1)});
+                  "--swarm-url", local_url(base_port() + 1), "--insecure", "true"});
   std::optional<Motion> motion;
   bridge.bus.subscribe(channel::kOwnTrajectory, [&](std::string_view, std::span<const std::uint8_t> bytes) {
     sogm_swarm::announcement_t message;

@@ -2,6 +2,7 @@
 #include <arpa/inet.h>
 #include <netinet/in.h>
 #include <sys/socket.h>
+#include <sys/stat.h>
 
 #include <atomic>
 
@@ -21,8 +22,14 @@ class CheckMachine : public testing::Test {
     text = replaced(replaced(text, ":7700", ":" + onboard), ":7667", ":" + port);
     configure(text);
     std::filesystem::copy(std::filesystem::path(SWARM_SOURCE_DIR) / "tools/deploy/fragments.nft", directory_.path());
+    set_key(std::string(64, 'a') + "\n");
   }
   void configure(const std::string& text) { write_text(directory_ / "robot.env", text), text_ = text; }
+
+  void set_key(const std::string& text, unsigned mode = 0600) {
+    write_text(directory_ / "swarm.key", text);
+    ::chmod((directory_ / "swarm.key").c_str(), mode);
+  }
 
   Finished check(std::vector<std::string> prefix = {}, std::vector<std::string> more = {}) {
     if (prefix.empty()) prefix = {"/usr/bin/env"};
@@ -48,6 +55,7 @@ TEST_F(CheckMachine, AcceptsTheConfigurationThatIsShipped) {
   for (const char* daemon : {"map", "planner", "broadcast"})
     EXPECT_TRUE(says(finished, std::string("ok    configuration of ") + daemon + "_daemon\n")) << finished.out;
   EXPECT_TRUE(says(finished, "ok    the swarm bus leaves this computer (ttl=1)\n")) << finished.out;
+  EXPECT_TRUE(says(finished, "ok    key in ")) << finished.out;
   EXPECT_TRUE(says(finished, "warn  nobody is heard on the swarm bus")) << finished.out;
   EXPECT_TRUE(says(finished, "check_machine: "));
   EXPECT_EQ(finished.err, "");
@@ -70,6 +78,32 @@ TEST_F(CheckMachine, NamesWhatIsConfiguredWrongly) {
   EXPECT_EQ(check({}, {"--seconds", "x"}).exit_code, 2);
   EXPECT_EQ(check({}, {"--nonsense"}).exit_code, 2);
   EXPECT_EQ(check({}, {"--config", "/no/such"}).err, "check_machine: /no/such/robot.env: there is no such file\n");
+}
+
+TEST_F(CheckMachine, NamesWhatIsWrongWithTheKey) {
+  const std::string key(64, 'a');
+  set_key("");
+  EXPECT_TRUE(says(check(), "FAIL  no key in "));
+  set_key(key + "\n" + key.substr(1) + "\n");
+  EXPECT_TRUE(says(check(), "must hold one key or two"));
+  set_key(key + "\n" + key + "\n" + key + "\n");
+  EXPECT_TRUE(says(check(), "must hold one key or two"));
+  set_key("# ours\n" + key + "\n", 0644);
+  EXPECT_TRUE(says(check(), "can be read by others; mend: chmod o-rwx "));
+  configure(replaced(text_, "INSECURE=false", "INSECURE=true"));
+  EXPECT_TRUE(says(check(), "warn  INSECURE=true"));
+}
+
+// Its key is one that daemons take.
+TEST_F(CheckMachine, TakesANewKey) {
+  std::filesystem::remove(directory_ / "swarm.key");
+  const std::vector<std::string> new_key = {"/bin/bash", SWARM_SOURCE_DIR "/tools/new_key", directory_ / "swarm.key"};
+  EXPECT_EQ(run_program(new_key).exit_code, 0);
+  EXPECT_TRUE(says(check(), "ok    key in "));
+  EXPECT_FALSE(SwarmKeys::read(std::string(directory_ / "swarm.key")).empty());
+  const std::string first = read_text(directory_ / "swarm.key");
+  EXPECT_EQ(run_program(new_key).exit_code, 1);  // is there already
+  EXPECT_EQ(read_text(directory_ / "swarm.key"), first);
 }
 
 TEST_F(CheckMachine, NamesWhoHasThePort) {

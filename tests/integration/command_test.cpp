@@ -200,8 +200,11 @@ TEST(Daemons, BadOptionsAreRefusedByNameValueAndRule) {
   expect_complaint({"broadcast_daemon", "--roster", "1,,2"}, {"--roster 1,,2", "whole numbers"});
   std::string many = "0";
   for (int id = 1; id < 64; ++id) many += "," + std::to_string(id);
-  expect_complaint({"broadcast_daemon", "--roster", many}, {"--roster", "64", "62"});
-  expect_complaint({"broadcast_daemon", "--state-dir", "/dev/null/promises"}, {"/dev/null/promises"});
+  expect_complaint({"broadcast_daemon", "--insecure", "true", "--roster", many}, {"--roster", "64", "60"});
+  expect_complaint({"broadcast_daemon", "--insecure", "true", "--state-dir", "/dev/null/promises"},
+                   {"/dev/null/promises"});
+  expect_complaint({"broadcast_daemon"}, {"--key-file", "tools/new_key", "--insecure"});
+  expect_complaint({"broadcast_daemon", "--key-file", "/no/such/key"}, {"/no/such/key", "tools/new_key"});
   expect_complaint({"broadcast_daemon", "--swarm-url", "udpm://239.255.76.68"}, {"--swarm-url", "port"});
 }
 
@@ -310,7 +313,8 @@ class RunningDaemon {
   }
   static Words words(const std::string& name) {
     Words all = {name, "--robot-id", "1", "--onboard-url", local_url(base_port() + 1)};
-    if (name == "broadcast_daemon") all.insert(all.end(), {"--roster", "0,1", "--swarm-url", local_url(base_port())});
+    if (name == "broadcast_daemon")
+      all.insert(all.end(), {"--roster", "0,1", "--insecure", "true", "--swarm-url", local_url(base_port())});
     return all;
   }
 

@@ -49,7 +49,7 @@ TEST_P(Examples, FlyARobot) {
   std::vector<std::string> planning = {"--space-min=-9,-9,0.3", "--space-max=9,9,3"};
   if (kSanitized) planning.insert(planning.end(), {"--lead", "0.4", "--period", "0.3", "--stale-map", "2"});
   Program map(daemon("map_daemon", {})), planner(daemon("planner_daemon", planning)),
-      broadcast(daemon("broadcast_daemon", {"--roster", "3", "--swarm-url", swarm}));
+      broadcast(daemon("broadcast_daemon", {"--roster", "3", "--insecure", "true", "--swarm-url", swarm}));
   Program state(example("send_state", {onboard, "3"})), obstacles(example("send_obstacles", {onboard, "3"})),
       setpoints(example("take_setpoints", {onboard}));
   EXPECT_TRUE(wait_for(10.0 * kPatience, [&] { return positions(setpoints.out()).size() > 20; }))

@@ -251,6 +251,27 @@ TEST(LcmBusRoute, LocalBusNeedsNone) {
   EXPECT_EQ(code, 0);
 }
 
+// With a key: who has it is heard, who has another or none is not, and programs without look past the seal.
+TEST_F(LcmBusTest, HearsOnlySealedMessagesWithAKey) {
+  const SwarmKeys ours(SwarmKeys::fresh()), theirs(SwarmKeys::fresh());
+  LcmBus one(test_url(7), ours), two(test_url(7), ours), stranger(test_url(7), theirs), open(test_url(7));
+  const auto keep = [](std::vector<Bytes>* to) {
+    return [to](auto, auto bytes) { to->emplace_back(bytes.begin(), bytes.end()); };
+  };
+  std::vector<Bytes> at_two, at_open;
+  two.subscribe("GO", keep(&at_two));
+  open.subscribe("GO", keep(&at_open));
+  ASSERT_TRUE(open.publish("GO", Bytes{1}));
+  ASSERT_TRUE(stranger.publish("GO", Bytes{2}));
+  ASSERT_TRUE(one.publish("GONE", Bytes{3}));
+  ASSERT_TRUE(one.publish("GO", Bytes{4}));
+  EXPECT_TRUE(wait_until(two, [&] { return !at_two.empty(); }));
+  EXPECT_TRUE(wait_until(open, [&] { return at_open.size() == 3; }));
+  EXPECT_EQ(at_two, std::vector<Bytes>{Bytes{4}});
+  EXPECT_EQ(two.forged(), 2);
+  EXPECT_EQ(at_open, (std::vector<Bytes>{{1}, {2}, {4}}));
+}
+
 // LCM's own programs take part: liblcm's objects hear what a bus sends, and the reverse.
 TEST_F(LcmBusTest, SpeaksWithLiblcm) {
   LcmBus bus(test_url(6));
@@ -320,7 +341,7 @@ class HostTest : public LcmBusTest, public testing::WithParamInterface<int> {};
 TEST_P(HostTest, RunsANodeUntilTheSignal) {
   const std::string onboard_url = test_url(4), swarm_url = test_url(5);
   const pid_t pid = ::fork();
-  if (pid == 0) ::_exit(toy_main({"--onboard-url", onboard_url, "--swarm-url", swarm_url}));
+  if (pid == 0) ::_exit(toy_main({"--onboard-url", onboard_url, "--swarm-url", swarm_url, "--insecure", "true"}));
   LcmBus onboard(onboard_url), swarm(swarm_url);
   int ticks = 0;
   std::vector<Bytes> onboard_pongs, swarm_pongs;

@@ -1,7 +1,12 @@
 // Real daemons over real multicast (TTL 0): a flight, and what remains when somebody is interrupted or killed.
+#include <limits>
 #include <nlohmann/json.hpp>
 #include <set>
 
+#include "lcmtypes/bus/channels.h"
+#include "lcmtypes/bus/codec.h"
+#include "lcmtypes/bus/lcm_bus.h"
+#include "planner_daemon/trajectory/trajectory.h"
 #include "swarm_sim/world/world_generator.h"
 #include "swarm_sim/world/world_json.h"
 #include "tests/support/harness.h"
@@ -62,6 +67,42 @@ class Processes : public testing::Test {
 
   TemporaryDirectory directory_;
 };
+
+// Somebody on the swarm bus without the key speaks as robot 1, from a later start and as far as numbers go: it is far
+// away, it is huge, it is from the future. Believed once, any of these grounds robot 0 or leads it into robot 1.
+TEST_F(Processes, ForgedAnnouncementsChangeNothing) {
+  Program program(command("run"));
+  wait_until_it_flies(program);
+  LcmBus bus(swarm_bus_url(base_port()));
+  int forged = 0;
+  bus.subscribe(channel::kTrajectory, [&](std::string_view, std::span<const std::uint8_t> bytes) {
+    sogm_swarm::announcement_t message;
+    if (decode(bytes, &message) != Refusal::kNone || message.header.robot_id != 1) return;
+    if (message.header.seq >= std::int64_t{1} << 61) return;  // the own ones
+    message.header.seq |= std::int64_t{1} << 62;
+    if (forged % 3 != 2) message.header.boot = std::numeric_limits<std::int32_t>::max();
+    if (forged % 3 == 0) message.radius = 10.0F;
+    if (forged % 3 == 1) message.header.utime += 500'000;
+    if (forged % 3 == 2) {
+      const Trajectory away = Trajectory::hover(message.committed.seq + 1, to_utime(message.header.utime), {50, 50, 2});
+      message.committed = away.to_wire();
+      message.pending = {};
+      message.pending_state = sogm_swarm::announcement_t::kNone;
+    }
+    std::vector<std::uint8_t> changed;
+    encode(message, &changed);
+    forged += bus.publish(channel::kTrajectory, changed) ? 1 : 0;
+  });
+  const auto end = std::chrono::steady_clock::now() + 90s;
+  while (!program.wait(0.002) && std::chrono::steady_clock::now() < end) bus.drain();
+  EXPECT_EQ(program.wait(0.1), 0) << program.err();
+  EXPECT_GT(forged, 20);
+  const auto report = nlohmann::json::parse(read_text(directory_ / "run/report.json"));
+  EXPECT_EQ(report["outcome"], "success");
+  EXPECT_EQ(report["touches"].size(), 0u);
+  EXPECT_NE(read_text(directory_ / "run/robot0-broadcast.log").find("were not sealed with this swarm's key"),
+            std::string::npos);
+}
 
 TEST_F(Processes, FlyToTheEnd) {
   Program program(command("run"));

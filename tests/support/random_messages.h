@@ -76,7 +76,7 @@ inline void make(Random& random, int elements, announcement_t* m) {
   m->roster_crc = integer(random, 0, 1 << 30);
   m->forced_seq = integer(random, 0, 1 << 30);
   m->least_delay_us = integer(random, 0, 1) == 0 ? announcement_t::kUnknown : integer(random, -10'000'000, 10'000'000);
-  m->num_acks = static_cast<std::int16_t>(std::min(elements, 62));
+  m->num_acks = static_cast<std::int16_t>(std::min(elements, 60));
   m->header.robot_id = 1000;
   for (int i = 0; i < m->num_acks; ++i) {
     ack_t ack{};

@@ -72,7 +72,7 @@ boost::asio::ip::address_v4 parse_address(const std::string& text) {
 
 int run(int argc, const char* const* argv) {
   MocapConfig config;
-  std::string address = "0.0.0.0";
+  std::string address = "127.0.0.1";
   int port = 7755;
   MocapNode* node = nullptr;
   return daemon_main(
@@ -84,8 +84,10 @@ int run(int argc, const char* const* argv) {
       argc, argv, DaemonBuses::kOnboard,
       [&](OptionSet& options) {
         declare(options, config);
-        options.add("address", &address, "of this computer, where datagrams come in; 0.0.0.0: any",
-                    [](const std::string& text) { (void)parse_address(text); });
+        options.add(
+            "address", &address,
+            "of this computer, where datagrams come in: of the interface that the motion capture is on; 0.0.0.0: any",
+            [](const std::string& text) { (void)parse_address(text); });
         options.add("port", &port, 1, 65535, "", "where datagrams come in");
       },
       [&] {
