@@ -177,7 +177,7 @@ Refusal validate(const planner_status_t& m) {
 }
 
 Refusal validate(const broadcast_status_t& m) {
-  return verdict(within(m.state, broadcast_status_t::kFlying, broadcast_status_t::kClock) &&
+  return verdict(within(m.state, broadcast_status_t::kFlying, broadcast_status_t::kTwin) &&
                  amounts_ok(std::array{m.candidates, m.commits, m.forced, m.withdrawn, m.peers_heard, m.lost}) &&
                  amounts_ok(m.rejected) && amounts_ok(m.refused) &&
                  amounts_ok(std::array{m.max_age_ms, m.max_clock_offset_ms}));

@@ -1,5 +1,7 @@
 #include "planner_daemon/coordination/broadcast_node.h"
 
+#include <spdlog/spdlog.h>
+
 #include <algorithm>
 #include <cmath>
 #include <iterator>
@@ -17,6 +19,7 @@ using sogm_swarm::announcement_t;
 constexpr Duration kMaxAge = 1s;  // of messages from peers and planner
 constexpr Duration kStatusPeriod = 1s;
 constexpr Duration kClockDoubt = 1s;
+constexpr Duration kTwin = 2s;
 constexpr Duration kLively = 300ms;            // after news
 constexpr std::int64_t kMostLost = 1'000'000;  // that are counted, of a peer: the sum of all fits its field
 constexpr double kResume_m = 0.5;              // a kept motion is gone on with where the robot is so close to it
@@ -79,6 +82,7 @@ BroadcastNode::BroadcastNode(const BroadcastConfig& config, PromiseStore& store,
 std::vector<Subscription> BroadcastNode::subscriptions() const {
   return {{BusId::kOnboard, channel::kRobotState},
           {BusId::kOnboard, channel::kCandidate},
+          {BusId::kOnboard, channel::kOwnTrajectory},
           {BusId::kSwarm, channel::kTrajectory}};
 }
 
@@ -92,6 +96,8 @@ void BroadcastNode::on_message(Utime now, BusId bus, std::string_view channel, s
     refusal = on_state(now, bytes);
   } else if (channel == channel::kCandidate) {
     refusal = on_candidate(now, bytes);
+  } else if (channel == channel::kOwnTrajectory) {
+    refusal = on_own(now, bytes);
   }
   if (refusal != Refusal::kNone) refused_.count(refusal);
   advance(now);
@@ -134,7 +140,9 @@ Refusal BroadcastNode::on_candidate(Utime now, std::span<const std::uint8_t> byt
   if (refusal != Refusal::kNone) return refusal;
   ++candidates_;
   const Trajectory candidate = Trajectory::from_wire(message.trajectory);
-  Rejection rejection = clock_is_stepped_ ? Rejection::kClock : examine(now, candidate);
+  Rejection rejection = clock_is_stepped_ ? Rejection::kClock
+                        : has_twin(now)   ? Rejection::kTwin
+                                          : examine(now, candidate);
   if (rejection == Rejection::kNone) rejection = protocol_.propose(now, candidate, message.urgent != 0);
   ++rejected_[static_cast<std::size_t>(rejection)];
   return Refusal::kNone;
@@ -168,8 +176,8 @@ Refusal BroadcastNode::on_peer(Utime now, std::span<const std::uint8_t> bytes, O
   const auto in_order = [this](const announcement_t& m) { return links_.at(m.header.robot_id).gate.pass(m.header); };
   const TimeWindow lately{now, kMaxAge, to_duration(config_.clock_error_s)};
   const Refusal refusal = receive(bytes, from_peer, lately, in_order, &message);
-  if (refusal == Refusal::kRobot && message.header.robot_id == config_.robot_id)
-    return Refusal::kNone;  // multicast returns our own
+  if (refusal == Refusal::kRobot && message.header.robot_id == config_.robot_id)  // multicast returns our own
+    return is_of_twin(now, message.header) ? Refusal::kRobot : Refusal::kNone;
   if (refusal == Refusal::kTime && to_utime(message.header.utime) > now) doubt_clock_of(message.header.robot_id, now);
   if (refusal != Refusal::kNone) return refusal;
   const int id = message.header.robot_id;
@@ -190,6 +198,29 @@ Refusal BroadcastNode::on_peer(Utime now, std::span<const std::uint8_t> bytes, O
   return Refusal::kNone;
 }
 
+Refusal BroadcastNode::on_own(Utime now, std::span<const std::uint8_t> bytes) {
+  announcement_t message;
+  const Refusal refusal = receive(bytes, FromRobot{config_.robot_id}, {now}, AnyOrder(), &message);
+  if (refusal != Refusal::kNone || !is_of_twin(now, message.header)) return refusal;
+  // On one bus, setpoints of two would alternate: who started later leaves the robot to the other.
+  if (kept_.boot > message.header.boot) silent_until_ = now + kTwin;
+  return Refusal::kRobot;
+}
+
+bool BroadcastNode::is_of_twin(Utime now, const sogm_swarm::header_t& header) {
+  const Utime utime = to_utime(header.utime);
+  const bool is_own = header.boot == kept_.boot || !began_ || utime <= std::max(*began_, now - kMaxAge);
+  if (is_own) return false;
+  if (!has_twin(now)) {
+    spdlog::error(
+        "another broadcaster speaks as robot {}: nothing is committed until 2 s after the last of it (boot {} here, {} "
+        "there)",
+        config_.robot_id, kept_.boot, header.boot);
+  }
+  twin_until_ = now + kTwin;
+  return true;
+}
+
 int BroadcastNode::told_about(const sogm_swarm::header_t& header) const {
   return places_[static_cast<std::size_t>(header.seq) % places_.size()];
 }
@@ -208,6 +239,7 @@ bool BroadcastNode::on_clock_step(Utime now, Duration step) {
   clock_is_stepped_ = step != 0us && !rests;
   if (step == 0us || !rests) return rests;
   const Utime then = now + step;
+  began_ = then;
   for (auto& [id, link] : links_) {  // what they differed by is not what they differ by
     link.clock = ClockOffset();
     link.heard += step;
@@ -222,9 +254,12 @@ bool BroadcastNode::on_clock_step(Utime now, Duration step) {
 void BroadcastNode::advance(Utime now) {
   // No doubt lasts longer; but it would, were the clock set back.
   clock_doubt_until_ = std::min(clock_doubt_until_, now + kMaxMotion);
+  twin_until_ = std::min(twin_until_, now + kTwin);
+  silent_until_ = std::min(silent_until_, now + kTwin);
+  if (!began_) began_ = now;
   protocol_.doubt_clocks(!clocks_agree(now));
   protocol_.advance(now);
-  if (!clock_is_stepped_ && protocol_.may_commit(now))
+  if (!clock_is_stepped_ && !has_twin(now) && protocol_.may_commit(now))
     protocol_.commit([&](const announcement_t& promise) { return !(store_fails_ = !keep(now, promise)); });
 }
 
@@ -244,7 +279,7 @@ Utime BroadcastNode::step(Utime now, Outbox& outbox) {
     };
     if (now >= due()) announce(now, outbox);
     if (now >= setpoint_.due_on_grid(now, setpoint_period)) {
-      publish_setpoint(now, outbox);
+      if (now >= silent_until_) publish_setpoint(now, outbox);
       setpoint_.done(now);
     }
     wake = std::min({setpoint_.due_on_grid(now, setpoint_period), protocol_.due_utime(now), due()});
@@ -302,6 +337,7 @@ void BroadcastNode::publish_status(Utime now, Outbox& outbox) {
   status.header = status_headers_.next(now);
   status.state = !motion()               ? broadcast_status_t::kNoState
                  : store_fails_          ? broadcast_status_t::kNoStorage
+                 : has_twin(now)         ? broadcast_status_t::kTwin
                  : !clocks_agree(now)    ? broadcast_status_t::kClock
                  : !protocol_.all_hear() ? broadcast_status_t::kWaiting
                                          : broadcast_status_t::kFlying;

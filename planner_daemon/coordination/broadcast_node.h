@@ -73,6 +73,11 @@ class BroadcastNode : public Node {
   Refusal on_state(Utime now, std::span<const std::uint8_t> bytes);
   Refusal on_candidate(Utime now, std::span<const std::uint8_t> bytes);
   Refusal on_peer(Utime now, std::span<const std::uint8_t> bytes, Outbox& outbox);
+  Refusal on_own(Utime now, std::span<const std::uint8_t> bytes);
+  // Whether an announcement under this robot's own id is not this node's, nor an earlier start's: a copied memory card,
+  // a wrong id, a second set of daemons. Then nothing is committed until 2 s after the last one.
+  bool is_of_twin(Utime now, const sogm_swarm::header_t& header);
+  bool has_twin(Utime now) const { return now < twin_until_; }
   TimeWindow window(Utime now) const;  // how old messages of the robot itself may be, and how far ahead
   // What is wrong with a candidate as a motion of this robot.
   Rejection examine(Utime now, const Trajectory& candidate) const;
@@ -104,6 +109,8 @@ class BroadcastNode : public Node {
   Utime news_may_go_{};            // no earlier
   Utime clock_doubt_until_{};      // a peer's message came from the future, or its clock was found wrong
   bool clock_is_stepped_ = false;  // the wall clock, which is followed when the robot rests
+  std::optional<Utime> began_;     // this node, by its clock
+  Utime twin_until_{}, silent_until_{};
   bool has_news_ = false;
   Recurring news_, announcement_, setpoint_, status_;
   std::int32_t candidates_ = 0;

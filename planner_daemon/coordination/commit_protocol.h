@@ -54,8 +54,9 @@ enum class Rejection : std::uint8_t {
   kLimits,         // exceeds speed or acceleration
   kConflict,       // comes too close to a peer's motion
   kClock,          // a peer's clock differs too much, or the own one was set
+  kTwin,           // another broadcaster speaks under this robot's id
 };
-inline constexpr int kNumRejections = 9;
+inline constexpr int kNumRejections = 10;
 const char* to_string(Rejection rejection);
 
 class CommitProtocol {

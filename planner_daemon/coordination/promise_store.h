@@ -34,15 +34,22 @@ class MemoryPromiseStore : public PromiseStore {
 };
 
 // One file, replaced as a whole. It survives the daemon, not necessarily the computer's power: waiting for the disk at
-// every commit would hold up the setpoints, and a robot whose computer lost power flies no trajectory any more.
+// every commit would hold up the setpoints, and a robot whose computer lost power flies no trajectory any more. Nobody
+// else can have it at the same time: PATH.lock is locked until the store, or its process, is gone.
 class FilePromiseStore : public PromiseStore {
  public:
-  explicit FilePromiseStore(std::filesystem::path path) : path_(std::move(path)) {}
+  // Throws std::runtime_error with path and reason: another has it, or it cannot be locked.
+  explicit FilePromiseStore(std::filesystem::path path);
+  ~FilePromiseStore() override;
+  FilePromiseStore(const FilePromiseStore&) = delete;
+  FilePromiseStore& operator=(const FilePromiseStore&) = delete;
+
   std::vector<std::uint8_t> load() override;
   bool save(std::span<const std::uint8_t> bytes) override;
 
  private:
   std::filesystem::path path_;
+  int lock_ = -1;
 };
 
 // How a robot starts: `boot` is higher than that of the start whose promise was kept; `first_boot` where none was.

@@ -61,6 +61,8 @@ void RobotWatch::note_plan(std::span<const std::uint8_t> bytes) {
 std::string RobotWatch::missing() const {
   using sogm_swarm::broadcast_status_t;
   if (broadcast_.header.utime == 0) return "broadcast_daemon: no status";
+  if (broadcast_.state == broadcast_status_t::kTwin)
+    return "broadcast_daemon: another one speaks under this robot's id";
   if (broadcast_.state == broadcast_status_t::kClock) return "broadcast_daemon: a peer's clock differs too much";
   if (broadcast_.state != broadcast_status_t::kFlying)
     return "broadcast_daemon: waits for the robot's state or for peers";

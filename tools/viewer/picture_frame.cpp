@@ -93,8 +93,8 @@ Json map_json(const map_status_t& status) {
 }
 
 Json broadcast_json(const broadcast_status_t& status) {
-  static constexpr std::array kStates = {"flying", "no robot state", "waiting for a peer", "no storage",
-                                         "clocks differ"};
+  static constexpr std::array kStates = {"flying",     "no robot state", "waiting for a peer",
+                                         "no storage", "clocks differ",  "another speaks under this id"};
   Json rejected = Json::object();
   for (int i = 1; i < kNumRejections; ++i)
     if (status.rejected[i] > 0) rejected[to_string(static_cast<Rejection>(i))] = status.rejected[i];

@@ -286,6 +286,59 @@ TEST(BroadcastNode, AnnouncementsOfAnotherRosterAreRefused) {
   EXPECT_EQ(robot.out.count(channel::kPeerTrajectory), 3) << "what was refused has used up its number";
 }
 
+// A copied memory card, a wrong id, a second set of daemons: whoever speaks under this robot's id.
+TEST(BroadcastNode, CommitsNothingBesideATwin) {
+  Robot robot(1);
+  robot.run_for(1.0);
+  const auto state = [&] { return robot.out.newest<broadcast_status_t>(channel::kBroadcastStatus).state; };
+  Peer twin{1, Trajectory::hover(1, kStart, {3, 3, 1})};
+  // Neither are the own announcements, which multicast returns, nor what an earlier start sent before this one.
+  twin.boot = kBoot;
+  robot.send(channel::kTrajectory, twin.message(robot.now, 1), BusId::kSwarm);
+  twin.boot = kBoot - 1;
+  robot.send(channel::kTrajectory, twin.message(kStart - 1ms, 1), BusId::kSwarm);
+  robot.run_for(1.0);
+  EXPECT_EQ(state(), broadcast_status_t::kFlying);
+  for (const std::int32_t boot : {kBoot - 1, kBoot + 1}) {
+    SCOPED_TRACE(boot);
+    twin.boot = boot;
+    robot.hear(0), robot.hear(2);
+    robot.propose(robot.plan({1, 0, 1}));
+    const std::int32_t seq = robot.announced().pending.seq;
+    robot.send(channel::kTrajectory, twin.message(robot.now, 1), BusId::kSwarm);
+    const std::int32_t commits = robot.node.protocol().commits(), rejected = robot.node.rejected(Rejection::kTwin);
+    robot.hear_verdict(0, seq, ack_t::kAck), robot.hear_verdict(2, seq, ack_t::kAck);
+    robot.run_for(1.0);
+    EXPECT_EQ(state(), broadcast_status_t::kTwin);
+    robot.propose(robot.plan({1, 0, 1}), true);
+    robot.run_for(0.3);
+    EXPECT_EQ(robot.node.rejected(Rejection::kTwin), rejected + 1);
+    EXPECT_EQ(robot.node.protocol().commits(), commits);
+    const int setpoints = robot.out.count(channel::kSetpoint);
+    robot.run_for(1.0);
+    EXPECT_EQ(robot.out.count(channel::kSetpoint), setpoints + 100) << "on another bus, they lead another robot";
+    robot.run_for(1.0);
+    EXPECT_EQ(state(), broadcast_status_t::kFlying) << "the twin is gone";
+  }
+}
+
+TEST(BroadcastNode, OfTwoOnOneBusTheOlderLeadsTheRobot) {
+  for (const std::int32_t boot : {kBoot - 1, kBoot + 1}) {
+    SCOPED_TRACE(boot);
+    Robot robot(1);
+    robot.run_for(1.0);
+    Peer twin{1, Trajectory::hover(1, kStart, {3, 3, 1})};
+    twin.boot = boot;
+    robot.send(channel::kOwnTrajectory, twin.message(robot.now, 1));
+    const int setpoints = robot.out.count(channel::kSetpoint);
+    robot.run_for(1.0);
+    EXPECT_EQ(robot.out.newest<broadcast_status_t>(channel::kBroadcastStatus).state, broadcast_status_t::kTwin);
+    EXPECT_EQ(robot.out.count(channel::kSetpoint) - setpoints, boot < kBoot ? 0 : 100);
+    robot.run_for(3.0);
+    EXPECT_GE(robot.out.count(channel::kSetpoint) - setpoints, 200) << "the twin is gone";
+  }
+}
+
 TEST(BroadcastNode, StatusTellsWhatHappened) {
   Robot robot(1, false);
   robot.send_state();

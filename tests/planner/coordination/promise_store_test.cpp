@@ -1,7 +1,11 @@
 // What a broadcast daemon keeps over a crash.
 #include "planner_daemon/coordination/promise_store.h"
 
+#include <sys/stat.h>
+
+#include <filesystem>
 #include <limits>
+#include <stdexcept>
 
 #include "tests/support/harness.h"
 
@@ -10,16 +14,33 @@ namespace {
 
 TEST(PromiseStore, TheFileIsReplacedAsAWhole) {
   const TemporaryDirectory directory;
-  FilePromiseStore store(directory.path() / "robot0.promise");
-  EXPECT_TRUE(store.load().empty());
-  EXPECT_TRUE(store.save(Bytes{1, 2, 3}));
-  EXPECT_TRUE(store.save(Bytes{4}));
+  const std::filesystem::path path = directory.path() / "robot0.promise";
+  {
+    FilePromiseStore first(path);
+    EXPECT_TRUE(first.load().empty());
+    EXPECT_TRUE(first.save(Bytes{1, 2, 3}));
+    EXPECT_TRUE(first.save(Bytes{4}));
+    EXPECT_EQ(first.load(), Bytes{4});
+    EXPECT_THROW(FilePromiseStore{path}, std::runtime_error);  // is in use
+  }
+  FilePromiseStore store(path);
   EXPECT_EQ(store.load(), Bytes{4});
-  EXPECT_EQ(FilePromiseStore(directory.path() / "robot0.promise").load(), Bytes{4});
-  EXPECT_FALSE(FilePromiseStore(directory.path() / "no" / "robot0.promise").save(Bytes{4}));
+  EXPECT_THROW(FilePromiseStore(directory.path() / "no" / "robot0.promise"), std::runtime_error);
 
   EXPECT_EQ(load_promise(store, 0, 7).boot, 7);  // damaged: as if there were none
   EXPECT_FALSE(load_promise(store, 0, 7).motion);
+}
+
+// None of them may hold up or fill a robot that starts.
+TEST(PromiseStore, NoFileIsWaitedForOrReadWithoutEnd) {
+  const TemporaryDirectory directory;
+  const auto load = [&](const char* name) { return FilePromiseStore(directory.path() / name).load(); };
+  ASSERT_EQ(::mkfifo((directory / "pipe").c_str(), 0600), 0);
+  EXPECT_TRUE(load("pipe").empty());
+  std::filesystem::create_directory(directory.path() / "folder");
+  EXPECT_TRUE(load("folder").empty());
+  write_text(directory / "long", std::string(400'000, 'x'));
+  EXPECT_TRUE(load("long").empty());
 }
 
 TEST(PromiseStore, AStartIsNewerThanWhatWasKept) {
