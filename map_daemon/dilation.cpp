@@ -7,7 +7,7 @@
 #include <stdexcept>
 #include <string>
 
-#include "map_daemon/wide.h"
+#include "lcmtypes/bus/wide.h"
 
 namespace swarm {
 namespace {

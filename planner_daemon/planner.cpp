@@ -315,10 +315,11 @@ void Planner::shrink_corridors(int num_past_path) {
     const ControlPoints piece = quintic_control_points(path_.knots[at], path_.knots[at + 1], h);
     const bool past_path = k < num_past_path;
     for (int i = 0; i < grown.num_faces(); ++i) {
-      const Eigen::Matrix<double, 1, 6> along = grown.normals.row(i) * piece;
       double least = grown.offsets(i) - (past_path ? config_.corridor.margin_m : config_.corridor.margin_to_path_m);
-      if (!past_path) least = std::max(least, along.maxCoeff());
-      if (k == 0) least = std::max(least, along.head<3>().maxCoeff());
+      if (k == 0 || !past_path) {
+        const Eigen::Matrix<double, 1, 6> along = grown.normals.row(i) * piece;
+        least = std::max(least, past_path ? along.head<3>().maxCoeff() : along.maxCoeff());
+      }
       spline_problem_.corridors[at].offsets(i) = std::min(grown.offsets(i), least);
     }
   }

@@ -181,25 +181,37 @@ FiriStatus Firi::cut(const Ellipsoid& ellipsoid, std::span<const PointRun> obsta
   }
 
   FiriStatus status = FiriStatus::kGrown;
-  while (!candidates_.empty()) {
-    const auto nearer = [](const Candidate& a, const Candidate& b) { return a.squared_distance < b.squared_distance; };
-    const auto next = std::min_element(candidates_.begin(), candidates_.end(), nearer);
-    const Vector3d obstacle = next->base + next->nearest * spacing_m_ * Vector3d::UnitZ();
-    take_out_nearest(static_cast<std::size_t>(next - candidates_.begin()));
+  for (std::size_t next = nearest_candidate(); next < candidates_.size();) {
+    const Vector3d obstacle = candidates_[next].base + candidates_[next].nearest * spacing_m_ * Vector3d::UnitZ();
+    take_out_nearest(next);
     const int num_faces_before = num_faces_;
     if (!separate(obstacle, to_ball, ellipsoid.center, options.half_extent_m)) status = FiriStatus::kSeedBlocked;
-    if (num_faces_ == num_faces_before) continue;
+    if (num_faces_ == num_faces_before) {
+      next = nearest_candidate();
+      continue;
+    }
     // Drop what the new face excludes, cube and all.
     const Vector3d normal = normals_.row(num_faces_ - 1);
     const double limit = offsets_(num_faces_ - 1) + options.half_extent_m * normal.lpNorm<1>() - kTouching_m;
     std::size_t left = 0;
-    for (const Candidate& candidate : candidates_) {
-      candidates_[left] = candidate;
-      if (trim(normal, limit, &candidates_[left])) ++left;
+    double least = INFINITY;
+    for (Candidate& candidate : candidates_) {
+      if (!trim(normal, limit, &candidate)) continue;
+      if (candidate.squared_distance < least) least = candidate.squared_distance, next = left;
+      if (&candidate != &candidates_[left]) candidates_[left] = candidate;
+      ++left;
     }
     candidates_.resize(left);
+    if (left == 0) break;
   }
   return status;
+}
+
+// The first of equals; the number of candidates where there is none.
+std::size_t Firi::nearest_candidate() const {
+  const auto nearer = [](const Candidate& a, const Candidate& b) { return a.squared_distance < b.squared_distance; };
+  return static_cast<std::size_t>(std::min_element(candidates_.begin(), candidates_.end(), nearer) -
+                                  candidates_.begin());
 }
 
 // Distances are convex along a run.

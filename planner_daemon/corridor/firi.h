@@ -60,6 +60,7 @@ class Firi {
 
   FiriStatus cut(const Ellipsoid& ellipsoid, std::span<const PointRun> obstacles, const Eigen::Vector3d& lower,
                  const Eigen::Vector3d& upper, const FiriOptions& options);
+  std::size_t nearest_candidate() const;
   void find_nearest(Candidate* candidate) const;
   void take_out_nearest(std::size_t index);
   bool trim(const Eigen::Vector3d& normal, double limit, Candidate* candidate) const;

@@ -8,44 +8,45 @@
 #include <algorithm>
 #include <limits>
 
+#include "planner_daemon/optimize/long_columns.h"
+
 namespace swarm {
 
 class ActiveSet {
  public:
   explicit ActiveSet(int dimension)
-      : q_(dimension, dimension),
+      : dimension_(dimension),
+        q_(Eigen::MatrixXd::Zero((dimension + 3) / 4 * 4, dimension)),
         r_(dimension, dimension),
         bounds_(dimension),
         multipliers_(dimension),
         coordinates_(dimension),
         correction_(dimension),
         coefficients_(dimension),
-        remainder_(dimension) {}
+        remainder_(Eigen::VectorXd::Zero(q_.rows())) {}
 
   void clear() { size_ = 0; }
 
   // normal = N coefficients + remainder, the remainder orthogonal to N. Returns the remainder's length.
   double split(const Eigen::VectorXd& normal) {
-    const auto q = q_.leftCols(size_);
-    auto coordinates = coordinates_.head(size_);
-    coordinates.noalias() = q.transpose() * normal;
-    remainder_ = normal;
-    remainder_.noalias() -= q * coordinates;
+    const LongColumns q{q_.data(), static_cast<std::size_t>(q_.rows()), static_cast<std::size_t>(size_)};
+    remainder_.head(dimension_) = normal;
+    inner_products(q, remainder_.data(), coordinates_.data());
+    take_away(q, coordinates_.data(), remainder_.data());
     double length = remainder_.norm();
     // Twice is enough: orthogonality would suffer from cancellation in one pass.
     if (size_ > 0 && length < 0.7) {
-      auto correction = correction_.head(size_);
-      correction.noalias() = q.transpose() * remainder_;
-      coordinates += correction;
-      remainder_.noalias() -= q * correction;
+      inner_products(q, remainder_.data(), correction_.data());
+      take_away(q, correction_.data(), remainder_.data());
+      coordinates_.head(size_) += correction_.head(size_);
       length = remainder_.norm();
     }
     auto coefficients = coefficients_.head(size_);
-    coefficients = coordinates;
+    coefficients = coordinates_.head(size_);
     r_.topLeftCorner(size_, size_).triangularView<Eigen::Upper>().solveInPlace(coefficients);
-    return size_ < q_.cols() && length > kDependent ? length : 0.0;
+    return size_ < dimension_ && length > kDependent ? length : 0.0;
   }
-  const Eigen::VectorXd& remainder() const { return remainder_; }
+  auto remainder() const { return remainder_.head(dimension_); }
 
   // The row whose multiplier vanishes first while the split normal's grows, and the growth until then; -1: none does.
   int blocker(double* growth) const {
@@ -90,7 +91,7 @@ class ActiveSet {
 
   // Moves y so that every active row lies exactly on its bound; returns the length of the move.
   double refine(Eigen::VectorXd* y) {
-    const auto q = q_.leftCols(size_);
+    const auto q = q_.topLeftCorner(dimension_, size_);
     auto target = coordinates_.head(size_);
     target = bounds_.head(size_);
     r_.topLeftCorner(size_, size_).triangularView<Eigen::Upper>().transpose().solveInPlace(target);
@@ -106,9 +107,12 @@ class ActiveSet {
   static constexpr double kDependent = 1e-12;  // a unit normal this close to the active ones' span depends on them
   static constexpr double kBlocking = 1e-10;   // smaller coefficients of a normal in the active ones are rounding
 
-  Eigen::MatrixXd q_, r_;
+  int dimension_;
+  Eigen::MatrixXd q_;  // rows padded with zeros
+  Eigen::MatrixXd r_;
   Eigen::VectorXd bounds_, multipliers_;
-  Eigen::VectorXd coordinates_, correction_, coefficients_, remainder_;
+  Eigen::VectorXd coordinates_, correction_, coefficients_;
+  Eigen::VectorXd remainder_;  // padded likewise
   int size_ = 0;
 };
 

@@ -15,7 +15,9 @@
 #include <stdexcept>
 #include <string>
 
+#include "lcmtypes/bus/wide.h"
 #include "planner_daemon/optimize/active_set.h"
+#include "planner_daemon/optimize/four_rows.h"
 
 namespace swarm {
 namespace {
@@ -55,6 +57,47 @@ Eigen::MatrixXd jerk_root(int degree) {
   return Eigen::MatrixXd(gram.llt().matrixU()).lazyProduct(difference);
 }
 
+struct Face {
+  double x, y, z, offset;
+};
+
+// All of these four rows at a time, the last four overlapping their neighbours.
+
+// The accelerations of each axis at y: those at `optimum` and the responses, `freedom` columns of `rows` each.
+SWARM_WIDE void add_responses(const double* response, int rows, int freedom, const double* y, const double* optimum,
+                              double* out, int out_rows) {
+  for (int i = 0; i < rows; i += 4) {
+    const int first = std::min(i, rows - 4);
+    const double *from = optimum + first, *of_y = response + first;
+    FourRows acc_x, acc_y, acc_z;
+    load(from, &acc_x), load(from + rows, &acc_y), load(from + 2 * rows, &acc_z);
+    for (int j = 0; j < freedom; ++j, of_y += rows) {
+      FourRows r;
+      load(of_y, &r);
+      acc_x += r * y[j];
+      acc_y += r * y[freedom + j];
+      acc_z += r * y[2 * freedom + j];
+    }
+    store(acc_x, out + first), store(acc_y, out + first + out_rows), store(acc_z, out + first + 2 * out_rows);
+  }
+}
+
+// How far `count` positions, whose axes lie `rows` apart, are past the faces, if farther than `excess` says.
+SWARM_WIDE void raise_to_faces(std::span<const Face> faces, const double* position, int rows, int count,
+                               double* excess) {
+  for (int i = 0; i < count; i += 4) {
+    const int first = std::min(i, count - 4);
+    const double* at = position + first;
+    FourRows x, y, z, most;
+    load(at, &x), load(at + rows, &y), load(at + 2 * rows, &z), load(excess + first, &most);
+    for (const Face& face : faces) {
+      const FourRows past = x * face.x + y * face.y + (z * face.z - face.offset);
+      most = most < past ? past : most;
+    }
+    store(most, excess + first);
+  }
+}
+
 double square(double value) {
   return value * value;
 }
@@ -76,9 +119,6 @@ const char* to_string(SplineStatus status) {
 // "Outputs" are the distinct control points in the order acceleration, velocity, position, each kind along the curve;
 // those at a joint are shared by both pieces. Positions are relative to the start, which spares digits.
 struct SplineQp::Impl {
-  struct Face {
-    double x, y, z, offset;
-  };
   struct Row {  // normal . outputs.row(output) <= bound
     int output;
     Eigen::Vector3d normal;
@@ -120,7 +160,7 @@ struct SplineQp::Impl {
   // Of the problem being solved; y and the normals hold axis after axis.
   double acc_limit = 0.0, vel_limit = 0.0;
   double end_acc_room = 0.0, end_vel_room = 0.0;  // beyond them, for what the end states alone decide
-  std::vector<Face> faces;  // with relaxed offsets relative to the start, piece after piece
+  std::vector<Face> faces;                        // with relaxed offsets relative to the start, piece after piece
   std::vector<std::size_t> first_face;
   MatrixX3 unconstrained_acc;
   MatrixX3 outputs;
@@ -264,21 +304,9 @@ bool SplineQp::Impl::load(const SplineProblem& problem) {
   return valid && unconstrained_acc.allFinite();
 }
 
-// The curve at y, and how far each control point exceeds its bounds. Four rows at a time for the vector units, the last
-// four of a block overlapping their neighbours.
+// The curve at y, and how far each control point exceeds its bounds.
 void SplineQp::Impl::evaluate() {
-  for (int i = 0; i < num_acc; i += 4) {
-    const int first = std::min(i, num_acc - 4);
-    Eigen::Array4d ax = unconstrained_acc.col(0).segment<4>(first), ay = unconstrained_acc.col(1).segment<4>(first),
-                   az = unconstrained_acc.col(2).segment<4>(first);
-    for (int j = 0; j < freedom; ++j) {
-      const Eigen::Array4d r = response_acc.col(j).segment<4>(first);
-      ax += r * y(j);
-      ay += r * y(freedom + j);
-      az += r * y(2 * freedom + j);
-    }
-    outputs.middleRows<4>(first) << ax, ay, az;
-  }
+  add_responses(response_acc.data(), num_acc, freedom, y.data(), unconstrained_acc.data(), outputs.data(), num_outputs);
   integrate(&outputs);
 
   const auto largest = outputs.topRows(num_acc + num_vel).array().abs();
@@ -289,16 +317,8 @@ void SplineQp::Impl::evaluate() {
   for (const int i : {num_acc, num_acc + 1, num_acc + num_vel - 2, num_acc + num_vel - 1}) excess(i) -= end_vel_room;
   excess.tail(num_pos).setConstant(-1e30);
   for (int k = 0; k < pieces; ++k) {
-    for (int j = 0; j <= degree; j += 4) {
-      const int first = num_acc + num_vel + k * degree + std::min(j, degree - 3);
-      const Eigen::Array4d px = outputs.col(0).segment<4>(first), py = outputs.col(1).segment<4>(first),
-                           pz = outputs.col(2).segment<4>(first);
-      Eigen::Array4d most = excess.segment<4>(first);
-      for (const Face& face : faces_of(k, k)) {
-        most = most.max(px * face.x + py * face.y + (pz * face.z - face.offset));
-      }
-      excess.segment<4>(first) = most;
-    }
+    const int first = num_acc + num_vel + k * degree;
+    raise_to_faces(faces_of(k, k), outputs.data() + first, num_outputs, degree + 1, excess.data() + first);
   }
 }
 

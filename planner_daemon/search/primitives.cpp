@@ -6,7 +6,7 @@
 #include <string>
 
 #include "lcmtypes/bus/text.h"
-#include "map_daemon/wide.h"
+#include "lcmtypes/bus/wide.h"
 
 namespace swarm {
 namespace {

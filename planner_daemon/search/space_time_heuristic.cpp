@@ -3,7 +3,7 @@
 #include <bit>
 #include <cmath>
 
-#include "map_daemon/wide.h"
+#include "lcmtypes/bus/wide.h"
 
 namespace swarm {
 namespace {

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "map_daemon/wide.h"
+#include "lcmtypes/bus/wide.h"
 
 namespace swarm {
 namespace {
