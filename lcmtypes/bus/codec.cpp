@@ -118,8 +118,12 @@ Refusal check_time(Utime utime, Utime now, Duration max_age, Duration max_ahead)
   return utime >= now - max_age && utime <= now + max_ahead ? Refusal::kNone : Refusal::kTime;
 }
 
+bool SequenceGate::is_newer(const header_t& header) const {
+  return header.boot > boot_ || (header.boot == boot_ && header.seq > seq_);
+}
+
 Refusal SequenceGate::pass(const header_t& header) {
-  if (header.boot < boot_ || (header.boot == boot_ && header.seq <= seq_)) return Refusal::kSequence;
+  if (!is_newer(header)) return Refusal::kSequence;
   boot_ = header.boot;
   seq_ = header.seq;
   return Refusal::kNone;

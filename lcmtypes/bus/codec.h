@@ -61,6 +61,8 @@ class SequenceGate {
  public:
   // kSequence when not newer than the newest that passed; otherwise kNone, and the header becomes the newest.
   [[nodiscard]] Refusal pass(const sogm_swarm::header_t& header);
+  // Whether pass() would let it.
+  bool is_newer(const sogm_swarm::header_t& header) const;
 
  private:
   std::int32_t boot_ = -1;

@@ -5,8 +5,10 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <limits>
 #include <numbers>
 #include <set>
+#include <utility>
 
 #include "lcmtypes/bus/channels.h"
 #include "lcmtypes/bus/portable_math.h"
@@ -22,6 +24,7 @@ constexpr Duration kClockDoubt = 1s;
 constexpr Duration kTwin = 2s;
 constexpr Duration kLively = 300ms;            // after news
 constexpr std::int64_t kMostLost = 1'000'000;  // that are counted, of a peer: the sum of all fits its field
+constexpr int kMostJudged = 4;                 // peers at once: far less time than between two setpoints
 constexpr double kResume_m = 0.5;              // a kept motion is gone on with where the robot is so close to it
 
 double wrap_angle(double angle) {
@@ -70,6 +73,7 @@ BroadcastNode::BroadcastNode(const BroadcastConfig& config, PromiseStore& store,
       announcement_headers_(config.robot_id, kept_.boot),
       setpoint_headers_(config.robot_id, kept_.boot),
       status_headers_(config.robot_id, kept_.boot),
+      promise_headers_(config.robot_id, kept_.boot),
       protocol_(
           {config.robot_id, kept_.boot, config.roster, config.radius_m, config.separation_m, config.clock_error_s}) {
   std::set<int> robots(config.roster.begin(), config.roster.end());
@@ -87,11 +91,10 @@ std::vector<Subscription> BroadcastNode::subscriptions() const {
 }
 
 void BroadcastNode::on_message(Utime now, BusId bus, std::string_view channel, std::span<const std::uint8_t> bytes,
-                               Outbox& outbox) {
+                               Outbox&) {
   Refusal refusal = Refusal::kNone;
-  advance(now);
   if (bus == BusId::kSwarm) {
-    refusal = on_peer(now, bytes, outbox);
+    refusal = on_peer(now, bytes);
   } else if (channel == channel::kRobotState) {
     refusal = on_state(now, bytes);
   } else if (channel == channel::kCandidate) {
@@ -100,7 +103,6 @@ void BroadcastNode::on_message(Utime now, BusId bus, std::string_view channel, s
     refusal = on_own(now, bytes);
   }
   if (refusal != Refusal::kNone) refused_.count(refusal);
-  advance(now);
 }
 
 TimeWindow BroadcastNode::window(Utime now) const {
@@ -122,16 +124,19 @@ Refusal BroadcastNode::on_state(Utime now, std::span<const std::uint8_t> bytes) 
     first = {Trajectory::hover(first.seq() + 1, now, position), {}};
   }
   protocol_.start(first, kept_.forced_seq);
-  store_fails_ = !keep(now, protocol_.state());
+  keep(now, protocol_.state());
   yaw_rad_ = state.yaw;
   return Refusal::kNone;
 }
 
-bool BroadcastNode::keep(Utime now, announcement_t promise) {
-  promise.header = HeaderSource(config_.robot_id, kept_.boot).next(now);
+void BroadcastNode::keep(Utime now, announcement_t promise) {
+  promise.header = promise_headers_.next(now);
   std::vector<std::uint8_t> bytes;
   encode(promise, &bytes);
-  return store_.save(bytes);
+  const bool failed = std::exchange(store_fails_, !store_.save(bytes));
+  if (store_fails_ && !failed)
+    spdlog::error("--state-dir {}: cannot be written: nothing is committed until it can", config_.state_dir);
+  if (!store_fails_ && failed) spdlog::warn("--state-dir {}: can be written again", config_.state_dir);
 }
 
 Refusal BroadcastNode::on_candidate(Utime now, std::span<const std::uint8_t> bytes) {
@@ -139,6 +144,7 @@ Refusal BroadcastNode::on_candidate(Utime now, std::span<const std::uint8_t> byt
   const Refusal refusal = receive(bytes, FromRobot{config_.robot_id}, window(now), candidate_gate_, &message);
   if (refusal != Refusal::kNone) return refusal;
   ++candidates_;
+  advance(now);
   const Trajectory candidate = Trajectory::from_wire(message.trajectory);
   Rejection rejection = clock_is_stepped_ ? Rejection::kClock
                         : has_twin(now)   ? Rejection::kTwin
@@ -168,10 +174,15 @@ Rejection BroadcastNode::examine(Utime now, const Trajectory& candidate) const {
   return Rejection::kNone;
 }
 
-Refusal BroadcastNode::on_peer(Utime now, std::span<const std::uint8_t> bytes, Outbox& outbox) {
+// Only what costs little: what it means is for judge_peers().
+Refusal BroadcastNode::on_peer(Utime now, std::span<const std::uint8_t> bytes) {
   announcement_t message;
+  // Its time comes last: a clock is not doubted for what was recorded and is played again.
   const auto from_peer = [this](const announcement_t& m) {
-    return protocol_.is_of_roster(m) ? Refusal::kNone : Refusal::kRobot;
+    if (!protocol_.is_of_roster(m)) return Refusal::kRobot;
+    if (!links_.at(m.header.robot_id).gate.is_newer(m.header)) return Refusal::kSequence;
+    const Utime end = std::max(motion_of(m).end_utime(), pending_of(m).end_utime());
+    return end <= to_utime(m.header.utime) + kMaxMotion ? Refusal::kNone : Refusal::kInconsistent;
   };
   const auto in_order = [this](const announcement_t& m) { return links_.at(m.header.robot_id).gate.pass(m.header); };
   const TimeWindow lately{now, kMaxAge, to_duration(config_.clock_error_s)};
@@ -182,7 +193,6 @@ Refusal BroadcastNode::on_peer(Utime now, std::span<const std::uint8_t> bytes, O
   if (refusal != Refusal::kNone) return refusal;
   const int id = message.header.robot_id;
   Link& link = links_.at(id);
-  protocol_.receive(now, message);
   if (link.boot == message.header.boot) {
     const std::int64_t missing = std::min(message.header.seq - link.seq - 1, kMostLost);  // any number may come
     link.lost = static_cast<std::int32_t>(std::min(link.lost + missing, kMostLost));
@@ -194,8 +204,45 @@ Refusal BroadcastNode::on_peer(Utime now, std::span<const std::uint8_t> bytes, O
   if (link.clock.beyond(to_duration(config_.clock_error_s))) doubt_clock_of(id, now);
   link.boot = message.header.boot;
   link.seq = message.header.seq;
-  outbox.publish_bytes(BusId::kOnboard, channel::kPeerTrajectory, bytes);
+  link.newest = std::move(message);
+  link.bytes.assign(bytes.begin(), bytes.end());
   return Refusal::kNone;
+}
+
+Utime BroadcastNode::judge_due(Utime now, Link& link) const {
+  link.may_be_judged = std::min(link.may_be_judged, now + gap_);  // the clock may have been set back
+  return link.bytes.empty() ? kNever : std::max(link.may_be_judged, now);
+}
+
+void BroadcastNode::judge_peers(Utime now, Outbox& outbox) {
+  for (int judged = 0; judged < kMostJudged; ++judged) {
+    const auto waits_longest = std::ranges::min_element(
+        links_, {}, [&](auto& entry) { return std::pair(judge_due(now, entry.second), entry.second.heard); });
+    if (waits_longest == links_.end()) return;
+    auto& [id, link] = *waits_longest;
+    if (judge_due(now, link) > now) return;
+    link.may_be_judged = std::clamp(link.may_be_judged, now - gap_ / 2, now) + gap_ / 2;
+    protocol_.receive(now, link.newest);
+    outbox.publish_bytes(BusId::kOnboard, channel::kPeerTrajectory, link.bytes);
+    link.bytes.clear();
+    if (const std::int32_t echo = protocol_.peers().at(id).our_boot; echo > kept_.boot) outdo(now, echo);
+  }
+}
+
+// What was promised had got lost with the disk, or the clock was set back: peers would refuse this start as an old one.
+// But who has flown was heard: then it is another one's. Each peer knows one start.
+void BroadcastNode::outdo(Utime now, std::int32_t boot) {
+  const bool is_twins = protocol_.commits() > 0 || outdone_ == std::ssize(links_);
+  if (is_twins || boot == std::numeric_limits<std::int32_t>::max()) return beware_of_twin(now, boot);
+  ++outdone_;
+  spdlog::warn("peers know a later start of robot {}: this is not start {}, but {}", config_.robot_id, kept_.boot,
+               boot + 1);
+  kept_.boot = boot + 1;
+  for (HeaderSource* headers : {&announcement_headers_, &setpoint_headers_, &status_headers_, &promise_headers_})
+    *headers = HeaderSource(config_.robot_id, kept_.boot);
+  began_ = now;  // what was said before is not another one's
+  protocol_.set_boot(kept_.boot);
+  if (motion()) keep(now, protocol_.state());
 }
 
 Refusal BroadcastNode::on_own(Utime now, std::span<const std::uint8_t> bytes) {
@@ -209,16 +256,21 @@ Refusal BroadcastNode::on_own(Utime now, std::span<const std::uint8_t> bytes) {
 
 bool BroadcastNode::is_of_twin(Utime now, const sogm_swarm::header_t& header) {
   const Utime utime = to_utime(header.utime);
-  const bool is_own = header.boot == kept_.boot || !began_ || utime <= std::max(*began_, now - kMaxAge);
-  if (is_own) return false;
+  const bool was_said_here =
+      header.boot == kept_.boot && said_[static_cast<std::size_t>(header.seq) % said_.size()] == header.utime;
+  const bool is_own = was_said_here || !began_ || utime <= std::max(*began_, now - kMaxAge);
+  if (!is_own) beware_of_twin(now, header.boot);
+  return !is_own;
+}
+
+void BroadcastNode::beware_of_twin(Utime now, std::int32_t its_boot) {
   if (!has_twin(now)) {
     spdlog::error(
         "another broadcaster speaks as robot {}: nothing is committed until 2 s after the last of it (boot {} here, {} "
         "there)",
-        config_.robot_id, kept_.boot, header.boot);
+        config_.robot_id, kept_.boot, its_boot);
   }
   twin_until_ = now + kTwin;
-  return true;
 }
 
 int BroadcastNode::told_about(const sogm_swarm::header_t& header) const {
@@ -243,11 +295,12 @@ bool BroadcastNode::on_clock_step(Utime now, Duration step) {
   for (auto& [id, link] : links_) {  // what they differed by is not what they differ by
     link.clock = ClockOffset();
     link.heard += step;
+    link.may_be_judged += step;
   }
   // As long as it takes to measure the clocks anew, and as peers may fly on by theirs.
   clock_doubt_until_ = then + (links_.empty() ? kClockDoubt : kMaxMotion);
   protocol_.set_clock(then, step);
-  if (motion()) store_fails_ = !keep(then, protocol_.state());
+  if (motion()) keep(then, protocol_.state());
   return true;
 }
 
@@ -259,14 +312,22 @@ void BroadcastNode::advance(Utime now) {
   if (!began_) began_ = now;
   protocol_.doubt_clocks(!clocks_agree(now));
   protocol_.advance(now);
+}
+
+void BroadcastNode::commit(Utime now) {
   if (!clock_is_stepped_ && !has_twin(now) && protocol_.may_commit(now))
-    protocol_.commit([&](const announcement_t& promise) { return !(store_fails_ = !keep(now, promise)); });
+    protocol_.commit([&](const announcement_t& promise) { return keep(now, promise), !store_fails_; });
 }
 
 Utime BroadcastNode::step(Utime now, Outbox& outbox) {
   advance(now);
+  commit(now);
+  judge_peers(now, outbox);
+  advance(now);
+  commit(now);
   const Duration setpoint_period = to_duration(1.0 / config_.setpoint_rate_hz);
   Utime wake = now + kStatusPeriod;
+  for (auto& [id, link] : links_) wake = std::min(wake, judge_due(now, link));
   if (motion()) {
     if (protocol_.take_news()) {
       has_news_ = true;
@@ -282,7 +343,7 @@ Utime BroadcastNode::step(Utime now, Outbox& outbox) {
       if (now >= silent_until_) publish_setpoint(now, outbox);
       setpoint_.done(now);
     }
-    wake = std::min({setpoint_.due_on_grid(now, setpoint_period), protocol_.due_utime(now), due()});
+    wake = std::min({wake, setpoint_.due_on_grid(now, setpoint_period), protocol_.due_utime(now), due()});
   }
   if (now >= status_.due(now, kStatusPeriod)) {
     publish_status(now, outbox);
@@ -294,6 +355,7 @@ Utime BroadcastNode::step(Utime now, Outbox& outbox) {
 void BroadcastNode::announce(Utime now, Outbox& outbox) {
   announcement_t message = protocol_.state();
   message.header = announcement_headers_.next(now);
+  said_[static_cast<std::size_t>(message.header.seq) % said_.size()] = message.header.utime;
   if (const auto link = links_.find(told_about(message.header)); link != links_.end()) {
     const auto delay = link->second.clock.least_delay();
     if (delay) message.least_delay_us = static_cast<std::int32_t>(delay->count());

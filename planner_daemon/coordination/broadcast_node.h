@@ -68,21 +68,33 @@ class BroadcastNode : public Node {
     Utime heard{};  // of the newest announcement
     std::int32_t boot = -1, lost = 0;
     std::int64_t seq = 0;
+
+    sogm_swarm::announcement_t newest;  // waits to be judged, with its bytes, if any do
+    std::vector<std::uint8_t> bytes;
+    Utime may_be_judged{};  // no earlier
   };
 
   Refusal on_state(Utime now, std::span<const std::uint8_t> bytes);
   Refusal on_candidate(Utime now, std::span<const std::uint8_t> bytes);
-  Refusal on_peer(Utime now, std::span<const std::uint8_t> bytes, Outbox& outbox);
+  Refusal on_peer(Utime now, std::span<const std::uint8_t> bytes);
+  // Has what waits from peers judged and relayed: of each peer the newest, twice as often as it may speak at most, and
+  // of few peers at once. The rest waits until after the setpoint.
+  void judge_peers(Utime now, Outbox& outbox);
+  Utime judge_due(Utime now, Link& link) const;  // kNever: nothing waits
+  // A peer tells that it knows a later start of this robot than this one.
+  void outdo(Utime now, std::int32_t boot);
   Refusal on_own(Utime now, std::span<const std::uint8_t> bytes);
   // Whether an announcement under this robot's own id is not this node's, nor an earlier start's: a copied memory card,
   // a wrong id, a second set of daemons. Then nothing is committed until 2 s after the last one.
   bool is_of_twin(Utime now, const sogm_swarm::header_t& header);
+  void beware_of_twin(Utime now, std::int32_t its_boot);
   bool has_twin(Utime now) const { return now < twin_until_; }
   TimeWindow window(Utime now) const;  // how old messages of the robot itself may be, and how far ahead
   // What is wrong with a candidate as a motion of this robot.
   Rejection examine(Utime now, const Trajectory& candidate) const;
   void advance(Utime now);
-  bool keep(Utime now, sogm_swarm::announcement_t promise);
+  void commit(Utime now);                                    // what is agreed on
+  void keep(Utime now, sogm_swarm::announcement_t promise);  // see store_fails_
   bool clocks_agree(Utime now) const { return !clock_is_stepped_ && now > clock_doubt_until_; }
   void doubt_clock_of(int id, Utime now);
   // The robot whose messages' delay an announcement tells.
@@ -95,7 +107,7 @@ class BroadcastNode : public Node {
   BroadcastConfig config_;
   PromiseStore& store_;
   KeptPromise kept_;
-  HeaderSource announcement_headers_, setpoint_headers_, status_headers_;
+  HeaderSource announcement_headers_, setpoint_headers_, status_headers_, promise_headers_;
   CommitProtocol protocol_;
   RefusalCounts refused_;
   std::array<std::int32_t, kNumRejections> rejected_{};
@@ -105,11 +117,13 @@ class BroadcastNode : public Node {
   double yaw_rad_ = 0.0;
   bool store_fails_ = false;
 
-  Duration gap_{};                 // between announcements on average, at least: two may go at once
-  Utime news_may_go_{};            // no earlier
-  Utime clock_doubt_until_{};      // a peer's message came from the future, or its clock was found wrong
-  bool clock_is_stepped_ = false;  // the wall clock, which is followed when the robot rests
-  std::optional<Utime> began_;     // this node, by its clock
+  Duration gap_{};                         // between announcements on average, at least: two may go at once
+  Utime news_may_go_{};                    // no earlier
+  Utime clock_doubt_until_{};              // a peer's message came from the future, or its clock was found wrong
+  bool clock_is_stepped_ = false;          // the wall clock, which is followed when the robot rests
+  std::optional<Utime> began_;             // this node, by its clock
+  std::array<std::int64_t, 1024> said_{};  // header.utime of the newest announcements, by header.seq
+  int outdone_ = 0;                        // starts
   Utime twin_until_{}, silent_until_{};
   bool has_news_ = false;
   Recurring news_, announcement_, setpoint_, status_;

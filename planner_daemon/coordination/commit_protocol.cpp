@@ -48,6 +48,13 @@ void CommitProtocol::start(const Motion& motion, std::int32_t forced_seq) {
   news_ = true;
 }
 
+void CommitProtocol::set_boot(std::int32_t boot) {
+  rules_.boot = boot;
+  for (auto& [id, peer] : peers_) peer.hears_us = false, peer.our_seq = 0, peer.our_verdict = ack_t::kNone;
+  if (!pending_.empty()) withdraw();
+  news_ = true;
+}
+
 void CommitProtocol::set_clock(Utime now, Duration step) {
   for (auto& [id, peer] : peers_) {
     for (Trajectory* known : {&peer.motion.committed, &peer.motion.next, &peer.pending}) known->shift(step);
@@ -116,7 +123,8 @@ void CommitProtocol::receive(Utime now, const announcement_t& message) {
   peer.pending = pending_of(message);
   peer.stamp = to_utime(message.pending_stamp);
   const ack_t& about_us = message.acks[place_];
-  peer.hears_us = about_us.peer_boot == rules_.boot;
+  peer.our_boot = about_us.peer_boot;
+  peer.hears_us = peer.our_boot == rules_.boot;
   peer.our_seq = peer.hears_us ? about_us.judged_seq : 0;
   peer.our_verdict = peer.hears_us ? about_us.verdict : ack_t::kNone;
   judge(now, entry->first, &peer);

@@ -72,7 +72,8 @@ class CommitProtocol {
   // What is known of a peer.
   struct Peer {
     bool heard = false;
-    bool hears_us = false;  // it has echoed this start of ours
+    bool hears_us = false;       // it has echoed this start of ours
+    std::int32_t our_boot = -1;  // that it has echoed
     std::int32_t boot = -1;
     double radius_m = 0.0;
     Motion motion;                // what it is bound to
@@ -90,6 +91,8 @@ class CommitProtocol {
 
   // The first promise: to hover somewhere, or what was kept over a restart, with the newest trajectory that was forced.
   void start(const Motion& motion, std::int32_t forced_seq = 0);
+  // This start is a later one after all, before anything was committed: nothing that was said of it before counts.
+  void set_boot(std::int32_t boot);
   // While a peer's clock is known to be wrong, nothing is committed but what is urgent.
   void doubt_clocks(bool doubt) { doubts_clocks_ = doubt; }
   const std::optional<Motion>& motion() const { return motion_; }

@@ -6,14 +6,17 @@ namespace swarm {
 namespace {
 
 constexpr double kFinestSpan_s = 800e-6;
+// Of two motions: far more than in flight, but a peer may choose its motion so that it takes a million.
+constexpr int kMostSplits = 1000;
 
-// `difference`: control points of one motion minus those of the other.
-bool separated(const ControlPoints& difference, double duration_s, double distance) {
+// `difference`: control points of one motion minus those of the other. False also when it would take more than
+// `splits_left`.
+bool separated(const ControlPoints& difference, double duration_s, double distance, int* splits_left) {
   if (difference.col(0).norm() < distance || difference.col(5).norm() < distance) return false;
   if (linearly_separable(difference, distance)) return true;
-  if (duration_s <= kFinestSpan_s) return false;
-  return separated(part_of(difference, 0.0, 0.5), duration_s / 2, distance) &&
-         separated(part_of(difference, 0.5, 1.0), duration_s / 2, distance);
+  if (duration_s <= kFinestSpan_s || --*splits_left < 0) return false;
+  return separated(part_of(difference, 0.0, 0.5), duration_s / 2, distance, splits_left) &&
+         separated(part_of(difference, 0.5, 1.0), duration_s / 2, distance, splits_left);
 }
 
 // Bound on the motion's speed during [begin, end] [m/s].
@@ -56,10 +59,11 @@ bool motions_separated(const Motion& a, const Motion& b, Utime start, double dis
     return clock_error == 0us ? distance_m
                               : distance_m + clock_error_s * fastest(b, from - clock_error, to + clock_error);
   };
+  int splits_left = kMostSplits;
   for (Utime from = start; from < end;) {
     const Utime to = std::min({a.next_knot_after(from), b.next_knot_after(from), end});
     const ControlPoints difference = control_points_between(a, from, to) - control_points_between(b, from, to);
-    if (!separated(difference, to_seconds(to - from), kept_off(from, to))) return false;
+    if (!separated(difference, to_seconds(to - from), kept_off(from, to), &splits_left)) return false;
     from = to;
   }
   const Utime rest = std::max(end, start);

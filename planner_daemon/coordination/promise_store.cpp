@@ -1,6 +1,7 @@
 #include "planner_daemon/coordination/promise_store.h"
 
 #include <fcntl.h>
+#include <spdlog/spdlog.h>
 #include <sys/file.h>
 #include <unistd.h>
 
@@ -9,9 +10,10 @@
 #include <exception>
 #include <fstream>
 #include <limits>
+#include <optional>
 #include <stdexcept>
 #include <string>
-#include <string_view>
+#include <utility>
 
 #include "lcmtypes/bus/atomic_file.h"
 #include "lcmtypes/bus/codec.h"
@@ -23,8 +25,8 @@ constexpr std::size_t kMaxPromise = 4096;  // bytes; an announcement of the larg
 
 }  // namespace
 
-FilePromiseStore::FilePromiseStore(std::filesystem::path path) : path_(std::move(path)) {
-  const std::string lock = path_.string() + ".lock";
+FilePromiseStore::FilePromiseStore(std::filesystem::path path) : paths_{path, path.string() + ".copy"} {
+  const std::string lock = path.string() + ".lock";
   lock_ = ::open(lock.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NONBLOCK, 0600);
   if (lock_ >= 0 && ::flock(lock_, LOCK_EX | LOCK_NB) == 0) return;
   const std::string reason =
@@ -37,30 +39,55 @@ FilePromiseStore::~FilePromiseStore() {
   ::close(lock_);
 }
 
-std::vector<std::uint8_t> FilePromiseStore::load() {
-  std::error_code error;
-  if (!std::filesystem::is_regular_file(path_, error)) return {};  // a pipe would be waited for
-  std::vector<std::uint8_t> bytes(kMaxPromise + 1);
-  std::ifstream in(path_, std::ios::binary);
-  in.read(reinterpret_cast<char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
-  bytes.resize(static_cast<std::size_t>(in.gcount()));
-  return bytes.size() > kMaxPromise ? std::vector<std::uint8_t>() : bytes;
+PromiseStore::Copies FilePromiseStore::load() {
+  Copies copies;
+  for (const std::filesystem::path& path : paths_) {
+    std::error_code error;
+    if (!std::filesystem::exists(path, error)) continue;
+    std::vector<std::uint8_t> bytes(kMaxPromise + 1);
+    if (std::filesystem::is_regular_file(path, error)) {  // a pipe would be waited for
+      std::ifstream in(path, std::ios::binary);
+      in.read(reinterpret_cast<char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
+      bytes.resize(static_cast<std::size_t>(in.gcount()));
+    }
+    if (bytes.empty() || bytes.size() > kMaxPromise) {
+      spdlog::error("{}: must be a file of 1 to {} bytes; what was promised is not read from it", path.string(),
+                    kMaxPromise);
+    } else {
+      copies.push_back(std::move(bytes));
+    }
+  }
+  return copies;
 }
 
-bool FilePromiseStore::save(std::span<const std::uint8_t> bytes) try {
-  write_file(path_, {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
-  return true;
-} catch (const std::exception&) {
-  return false;
+bool FilePromiseStore::save(std::span<const std::uint8_t> bytes) {
+  bool is_saved = false;
+  for (const std::filesystem::path& path : paths_) {
+    try {
+      write_file(path, {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
+      is_saved = true;
+    } catch (const std::exception&) {  // the other one may do
+    }
+  }
+  return is_saved;
 }
 
 KeptPromise load_promise(PromiseStore& store, int robot_id, std::int32_t first_boot) {
-  sogm_swarm::announcement_t kept;
-  if (decode(store.load(), &kept) != Refusal::kNone || kept.header.robot_id != robot_id ||
-      kept.header.boot == std::numeric_limits<std::int32_t>::max())
-    return {first_boot, {}, 0, {}};
-  return {kept.header.boot + 1, motion_of(kept), kept.forced_seq,
-          to_utime(kept.header.utime)};  // what was pending nobody can have committed
+  std::optional<sogm_swarm::announcement_t> newest;
+  for (const std::vector<std::uint8_t>& copy : store.load()) {
+    sogm_swarm::announcement_t kept;
+    if (const Refusal refusal = decode(copy, &kept); refusal != Refusal::kNone) {
+      spdlog::error("a copy of what robot {} promised is damaged ({}) and passed over", robot_id, to_string(refusal));
+    } else if (kept.header.robot_id != robot_id) {
+      spdlog::error("a copy of what robot {} promised is robot {}'s and passed over", robot_id, kept.header.robot_id);
+    } else if (!newest ||
+               std::pair(kept.header.boot, kept.header.seq) > std::pair(newest->header.boot, newest->header.seq)) {
+      newest = kept;
+    }
+  }
+  if (!newest || newest->header.boot == std::numeric_limits<std::int32_t>::max()) return {first_boot, {}, 0, {}};
+  return {newest->header.boot + 1, motion_of(*newest), newest->forced_seq,
+          to_utime(newest->header.utime)};  // what was pending nobody can have committed
 }
 
 }  // namespace swarm

@@ -1,6 +1,7 @@
 // What a broadcast daemon must not forget when it crashes: its newest binding announcement.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <filesystem>
 #include <optional>
@@ -13,17 +14,20 @@ namespace swarm {
 
 class PromiseStore {
  public:
+  using Copies = std::vector<std::vector<std::uint8_t>>;
+
   virtual ~PromiseStore() = default;
-  // What was saved last; empty when nothing was, or when it cannot be read.
-  virtual std::vector<std::uint8_t> load() = 0;
-  // False when it could not be saved; what was saved before is then still there.
+  // The copies of what was saved last that can be read: all of the same, unless saving was interrupted or one of them
+  // was damaged since.
+  virtual Copies load() = 0;
+  // False when it could not be saved at all; what was saved before is then still there.
   [[nodiscard]] virtual bool save(std::span<const std::uint8_t> bytes) = 0;
 };
 
 // For simulated robots: outlives the node, not the process.
 class MemoryPromiseStore : public PromiseStore {
  public:
-  std::vector<std::uint8_t> load() override { return bytes_; }
+  Copies load() override { return Copies(bytes_.empty() ? 0 : 1, bytes_); }
   bool save(std::span<const std::uint8_t> bytes) override {
     bytes_.assign(bytes.begin(), bytes.end());
     return true;
@@ -33,9 +37,10 @@ class MemoryPromiseStore : public PromiseStore {
   std::vector<std::uint8_t> bytes_;
 };
 
-// One file, replaced as a whole. It survives the daemon, not necessarily the computer's power: waiting for the disk at
-// every commit would hold up the setpoints, and a robot whose computer lost power flies no trajectory any more. Nobody
-// else can have it at the same time: PATH.lock is locked until the store, or its process, is gone.
+// Two files, PATH and PATH.copy, each replaced as a whole: a damaged one leaves the other. They survive the daemon, not
+// necessarily the computer's power: waiting for the disk at every commit would hold up the setpoints, and a robot whose
+// computer lost power flies no trajectory any more. Nobody else can have it at the same time: PATH.lock is locked until
+// the store, or its process, is gone.
 class FilePromiseStore : public PromiseStore {
  public:
   // Throws std::runtime_error with path and reason: another has it, or it cannot be locked.
@@ -44,11 +49,12 @@ class FilePromiseStore : public PromiseStore {
   FilePromiseStore(const FilePromiseStore&) = delete;
   FilePromiseStore& operator=(const FilePromiseStore&) = delete;
 
-  std::vector<std::uint8_t> load() override;
+  // Logs what is there and is no promise file.
+  Copies load() override;
   bool save(std::span<const std::uint8_t> bytes) override;
 
  private:
-  std::filesystem::path path_;
+  std::array<std::filesystem::path, 2> paths_;
   int lock_ = -1;
 };
 
@@ -59,6 +65,7 @@ struct KeptPromise {
   std::int32_t forced_seq = 0;  // newest trajectory that was forced
   Utime utime{};                // when it was kept
 };
+// Of the copies that are whole the newest counts; what is damaged, or another robot's, is logged.
 KeptPromise load_promise(PromiseStore& store, int robot_id, std::int32_t first_boot);
 
 }  // namespace swarm

@@ -84,7 +84,7 @@ class Robot : public Kept, public Bench<BroadcastNode> {
     BroadcastConfig config;
     config.robot_id = id;
     config.roster = {0, 1, 2};
-    config.swarm_rate_hz = 100'000;
+    config.swarm_rate_hz = 1e9;
     return config;
   }
 

@@ -201,6 +201,23 @@ TEST(BroadcastNode, CommitsNothingWhileClocksDisagree) {
   EXPECT_EQ(robot.node.protocol().commits(), 1);
 }
 
+// What was recorded before a clock was set back and is played again comes from the future, but says nothing new; nor
+// does it make anybody doubt.
+TEST(BroadcastNode, RecordedAnnouncementsRaiseNoDoubt) {
+  Robot robot(0);
+  const Bytes recorded = encoded(robot.peers.at(1).message(robot.now + 30s, 0));
+  ++robot.peers.at(1).boot;
+  robot.peers.at(1).seq = 0;
+  robot.hear(1);
+  for (int i = 0; i < 100; ++i) {
+    robot.deliver(BusId::kSwarm, channel::kTrajectory, recorded);
+    robot.run_for(0.01);
+  }
+  EXPECT_EQ(robot.node.refused()[Refusal::kSequence], 100);
+  robot.propose(robot.plan({1, 0, 1}));
+  EXPECT_EQ(robot.node.protocol().commits(), 1);
+}
+
 // A peer whose clock is behind or ahead is found out though its messages take longer than that; delays alone are not.
 TEST(BroadcastNode, CommitsNothingWhileAPeersClockIsWrong) {
   for (const Duration ahead : {-20ms, 0ms, 20ms}) {

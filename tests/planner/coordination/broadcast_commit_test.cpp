@@ -100,7 +100,7 @@ TEST(BroadcastNode, JudgesAtOnceAndForGood) {
   const MotionState from = peer.committed.at(kStart);
   const auto judged = [&](const Eigen::Vector3d& to, Utime start) {
     const std::int32_t seq = peer.pending.seq() + 1;
-    peer.pends(quintic_to(from, start, to, 20, 5, seq - 100), robot.now);
+    peer.pends(quintic_to(from, start, to, 9, 5, seq - 100), robot.now);
     robot.run_for(0.001);
     const int before = robot.out.count(channel::kTrajectory, BusId::kSwarm);
     robot.hear(1);
@@ -133,7 +133,7 @@ TEST(BroadcastNode, TheOlderOfTwoPendingTrajectoriesWins) {
     robot.propose(robot.plan({1, 0, 1}, 0.5));
     Peer& rival = robot.peers.at(c.rival);
     const Utime stamp = robot.now + c.stamp_difference;
-    rival.pends(quintic_to(rival.committed.at(kStart), robot.now + 400ms, {1.2, 0, 1}, 40), stamp);
+    rival.pends(quintic_to(rival.committed.at(kStart), robot.now + 400ms, {1.2, 0, 1}, 9), stamp);
     robot.hear(c.rival);
     EXPECT_EQ(robot.verdict_on(c.rival).verdict, c.we_win ? ack_t::kNack : ack_t::kAck);
     EXPECT_EQ(robot.node.protocol().withdrawn(), c.we_win ? 0 : 1);
@@ -142,7 +142,7 @@ TEST(BroadcastNode, TheOlderOfTwoPendingTrajectoriesWins) {
   Robot robot(1);  // without conflict both go on
   robot.propose(robot.plan({1, 0, 1}, 0.5));
   Peer& other = robot.peers.at(2);
-  other.pends(quintic_to(other.committed.at(kStart), robot.now + 400ms, {5, 0, 1}, 40), robot.now - 1us);
+  other.pends(quintic_to(other.committed.at(kStart), robot.now + 400ms, {5, 0, 1}, 9), robot.now - 1us);
   robot.hear(2);
   EXPECT_EQ(robot.verdict_on(2).verdict, ack_t::kAck);
   EXPECT_EQ(robot.announced().pending.seq, 2);
@@ -151,7 +151,7 @@ TEST(BroadcastNode, TheOlderOfTwoPendingTrajectoriesWins) {
 TEST(BroadcastNode, APromiseBindsUntilItIsNoLongerShown) {
   Robot robot(0);
   Peer& peer = robot.peers.at(1);
-  peer.pends(quintic_to(peer.committed.at(kStart), robot.now + 200ms, {1.2, 0, 1}, 20), robot.now);
+  peer.pends(quintic_to(peer.committed.at(kStart), robot.now + 200ms, {1.2, 0, 1}, 9), robot.now);
   robot.hear(1);
   ASSERT_EQ(robot.verdict_on(1).verdict, ack_t::kAck);
   robot.run_for(3.0);  // time does not free it
@@ -168,7 +168,7 @@ TEST(BroadcastNode, HolderDoesNotCommitAgainstWhatAnAskerCommittedMeanwhile) {
   Robot robot(1);  // asks 0, holds against 2
   robot.propose(robot.plan({1, 0, 1}, 0.5));
   Peer& asker = robot.peers.at(2);
-  const Trajectory flight = quintic_to(asker.committed.at(kStart), robot.now + 100ms, {1.2, 0, 1}, 20);
+  const Trajectory flight = quintic_to(asker.committed.at(kStart), robot.now + 100ms, {1.2, 0, 1}, 9);
   asker.pends(flight, robot.now - 1us, announcement_t::kCommitted);
   robot.hear(2);
   robot.hear_verdict(0, 2, ack_t::kAck);

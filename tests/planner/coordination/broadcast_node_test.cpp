@@ -200,7 +200,7 @@ TEST(BroadcastNode, RejectsCandidatesByReason) {
   for (const std::int8_t state : {announcement_t::kCommitted, announcement_t::kAnnounced}) {
     Robot other(0);
     Peer& peer = other.peers.at(1);
-    peer.pends(quintic_to(peer.committed.at(kStart), other.now + 100ms, {1.3, 0, 1}, 20), other.now, state);
+    peer.pends(quintic_to(peer.committed.at(kStart), other.now + 100ms, {1.3, 0, 1}, 9), other.now, state);
     other.hear(1);
     expect_rejected(other, Rejection::kConflict, other.plan({1, 0, 1}));
     EXPECT_EQ(other.node.rejected(Rejection::kConflict), 1);
@@ -286,6 +286,118 @@ TEST(BroadcastNode, AnnouncementsOfAnotherRosterAreRefused) {
   EXPECT_EQ(robot.out.count(channel::kPeerTrajectory), 3) << "what was refused has used up its number";
 }
 
+// Nobody commits to a motion so long; to judge it takes time.
+TEST(BroadcastNode, RefusesMotionsThatNobodyMayFly) {
+  Robot robot(0);
+  Peer& peer = robot.peers.at(1);
+  peer.pends(quintic_to(peer.committed.at(kStart), robot.now + 100ms, {1.3, 0, 1}, 9.91), robot.now);
+  robot.hear(1);
+  EXPECT_EQ(robot.node.refused()[Refusal::kInconsistent], 1);
+  peer.pends(quintic_to(peer.committed.at(kStart), robot.now + 100ms, {1.3, 0, 1}, 9.89), robot.now);
+  robot.hear(1);
+  EXPECT_EQ(robot.node.refused().total(), 1);
+}
+
+// However fast peers speak: of each the newest counts, about as often as it may speak, and setpoints keep their rate.
+// What it said last is not lost.
+TEST(BroadcastNode, JudgesTheNewestOfAFlood) {
+  MemoryPromiseStore promises;
+  BroadcastConfig config = Robot::make_config(0);
+  config.swarm_rate_hz = 1000;  // three robots: one announcement of each in 3 ms
+  Bench<BroadcastNode> robot(config, promises, kBoot);
+  robot.send(channel::kRobotState, state_at(0, {0, 0, 1}, 0, robot.now));
+  Peer peer{1, Trajectory::hover(1, kStart, {20, 0, 1})}, other{2, Trajectory::hover(1, kStart, {30, 0, 1})};
+  const int setpoints = robot.out.count(channel::kSetpoint);
+  Utime last_setpoint = robot.now;
+  for (int i = 0; i < 20'000; ++i) {  // in a second, a new trajectory each time
+    peer.pends(quintic_to(peer.committed.at(kStart), robot.now + 100ms, {20, 1, 1}, 2.0, 5, i + 1), robot.now);
+    robot.node.on_message(robot.now, BusId::kSwarm, channel::kTrajectory, encoded(peer.message(robot.now, 0)),
+                          robot.out);
+    if (i % 3 == 0) robot.step();
+    const int before = robot.out.count(channel::kSetpoint);
+    robot.run_for(50e-6);
+    if (robot.out.count(channel::kSetpoint) == before) continue;
+    EXPECT_LE(robot.now - last_setpoint, 11ms);
+    last_setpoint = robot.now;
+  }
+  EXPECT_NEAR(robot.out.count(channel::kSetpoint) - setpoints, 100, 1);
+  const int relayed = robot.out.count(channel::kPeerTrajectory);
+  EXPECT_NEAR(relayed, 1000 / 1.5, 5);
+  EXPECT_EQ(robot.node.lost(), 0);
+  EXPECT_EQ(robot.node.refused().total(), 0);
+  robot.send(channel::kTrajectory, other.message(robot.now, 0), BusId::kSwarm);
+  EXPECT_EQ(robot.out.newest<announcement_t>(channel::kPeerTrajectory).header.robot_id, 2) << "waits for another";
+  robot.run_for(0.01);
+  EXPECT_EQ(robot.node.protocol().peers().at(1).judged_seq, peer.pending.seq());
+}
+
+// Of many peers at once few are judged before the robot's own work is done.
+TEST(BroadcastNode, JudgesFewPeersAtOnce) {
+  MemoryPromiseStore promises;
+  BroadcastConfig config;
+  config.roster = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9};
+  Bench<BroadcastNode> robot(config, promises, kBoot);
+  robot.send(channel::kRobotState, state_at(0, {0, 0, 1}, 0, robot.now));
+  Bytes roster;
+  for (const int id : config.roster) roster.insert(roster.end(), {0, static_cast<std::uint8_t>(id)});
+  for (int id = 1; id < 10; ++id) {
+    announcement_t message = Peer{id, Trajectory::hover(1, kStart, {20.0 + id, 0, 1})}.message(robot.now, 0);
+    message.roster_crc = static_cast<std::int32_t>(crc32(roster));
+    message.num_acks = 10;
+    message.acks.assign(10, {-1, 0, ack_t::kNone});
+    robot.node.on_message(robot.now, BusId::kSwarm, channel::kTrajectory, encoded(message), robot.out);
+  }
+  for (const int relayed : {4, 8, 9}) {
+    robot.step();
+    EXPECT_EQ(robot.out.count(channel::kPeerTrajectory), relayed);
+    EXPECT_EQ(robot.wake == robot.now + 1us, relayed < 9);
+  }
+}
+
+// The disk lost what was promised, or the clock was set back: peers know later starts of this robot than this one, and
+// would refuse it as an old one.
+TEST(BroadcastNode, StartsAgainWherePeersKnowALaterStart) {
+  Robot robot(0, false);
+  robot.send_state();
+  robot.peers.at(1).about_us.peer_boot = kBoot + 5;
+  robot.peers.at(2).about_us.peer_boot = kBoot + 9;
+  robot.hear(1);
+  EXPECT_EQ(robot.announced().header.boot, kBoot + 6);
+  robot.hear(2);
+  robot.hear(2);  // has not heard of it yet
+  const announcement_t said = robot.announced();
+  EXPECT_EQ(said.header.boot, kBoot + 10);
+  EXPECT_EQ(load_promise(robot.promises, 0, 1).boot, kBoot + 11);
+  robot.send(channel::kTrajectory, said, BusId::kSwarm);  // multicast returns it
+  robot.propose(robot.plan({1, 0, 1}));
+  EXPECT_EQ(robot.node.rejected(Rejection::kWaiting), 1);
+  for (const int id : {1, 2}) {
+    robot.peers.at(id).about_us.peer_boot = kBoot + 10;
+    robot.hear(id);
+  }
+  robot.propose(robot.plan({1, 0, 1}));
+  EXPECT_EQ(robot.node.protocol().commits(), 1);
+  EXPECT_EQ(robot.announced().header.boot, kBoot + 10);
+  // It has flown, so it was known: somebody else is taken for it.
+  robot.peers.at(1).about_us.peer_boot = kBoot + 11;
+  robot.hear(1);
+  robot.run_for(1.0);
+  EXPECT_EQ(robot.announced().header.boot, kBoot + 10);
+  EXPECT_EQ(robot.out.newest<broadcast_status_t>(channel::kBroadcastStatus).state, broadcast_status_t::kTwin);
+}
+
+TEST(BroadcastNode, DoesNotRaceATwinForTheLaterStart) {
+  Robot robot(0, false);
+  robot.send_state();
+  for (int i = 0; i < 10; ++i) {
+    robot.peers.at(1).about_us.peer_boot = robot.announced().header.boot + 1;
+    robot.hear(1);
+  }
+  EXPECT_EQ(robot.announced().header.boot, kBoot + 4);  // two peers, two starts
+  robot.run_for(1.0);
+  EXPECT_EQ(robot.out.newest<broadcast_status_t>(channel::kBroadcastStatus).state, broadcast_status_t::kTwin);
+}
+
 // A copied memory card, a wrong id, a second set of daemons: whoever speaks under this robot's id.
 TEST(BroadcastNode, CommitsNothingBesideATwin) {
   Robot robot(1);
@@ -293,13 +405,13 @@ TEST(BroadcastNode, CommitsNothingBesideATwin) {
   const auto state = [&] { return robot.out.newest<broadcast_status_t>(channel::kBroadcastStatus).state; };
   Peer twin{1, Trajectory::hover(1, kStart, {3, 3, 1})};
   // Neither are the own announcements, which multicast returns, nor what an earlier start sent before this one.
-  twin.boot = kBoot;
-  robot.send(channel::kTrajectory, twin.message(robot.now, 1), BusId::kSwarm);
+  for (const auto& own : robot.out.all<announcement_t>(channel::kTrajectory, BusId::kSwarm))
+    robot.send(channel::kTrajectory, own, BusId::kSwarm);
   twin.boot = kBoot - 1;
   robot.send(channel::kTrajectory, twin.message(kStart - 1ms, 1), BusId::kSwarm);
   robot.run_for(1.0);
   EXPECT_EQ(state(), broadcast_status_t::kFlying);
-  for (const std::int32_t boot : {kBoot - 1, kBoot + 1}) {
+  for (const std::int32_t boot : {kBoot - 1, kBoot, kBoot + 1}) {  // the same: two clones started at once
     SCOPED_TRACE(boot);
     twin.boot = boot;
     robot.hear(0), robot.hear(2);

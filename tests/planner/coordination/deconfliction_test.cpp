@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include "tests/support/hull_distance.h"
 #include "tests/support/random_motion.h"
@@ -158,6 +159,22 @@ TEST(MotionsSeparatedTest, APendingNextCounts) {
   other.committed = line(kStart + 2500ms, {3, 0, 1}, {0, 0, 1}).committed;  // never flown
   other.next = Trajectory::hover(2, kStart + 2s, {3, 0, 1});
   EXPECT_TRUE(motions_separated(hovering, other, kStart, 0.5));
+}
+
+// Around another robot, at a distance from it that is the more laborious to show the closer it is to what is wanted.
+// That is given up, and taken for a conflict: judging a motion must not take longer than setpoints can wait.
+TEST(MotionsSeparatedTest, GivesUpWhatIsTooLaborious) {
+  constexpr int kPieces = Trajectory::kMaxPieces;
+  Trajectory around(1, kStart, 1s, kPieces);
+  for (int k = 0; k <= kPieces; ++k) {
+    const double rate = std::numbers::pi / 10, angle = rate * k;  // half a circle in ten seconds
+    const Vector3d out(std::cos(angle), std::sin(angle), 0), along(-out.y(), out.x(), 0);
+    around.set_knot(k, {out, rate * along, -rate * rate * out, Vector3d::Zero()});
+  }
+  const Motion hovers{Trajectory::hover(1, kStart, Vector3d::Zero()), {}};
+  EXPECT_TRUE(motions_separated(hovers, {around, {}}, kStart, 1.0 - 1e-2));
+  EXPECT_TRUE(motions_separated(hovers, {around, {}}, kStart, 1.0 - 1e-4));
+  EXPECT_FALSE(motions_separated(hovers, {around, {}}, kStart, 1.0 - 2e-6));
 }
 
 }  // namespace

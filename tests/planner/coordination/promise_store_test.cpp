@@ -20,11 +20,11 @@ TEST(PromiseStore, TheFileIsReplacedAsAWhole) {
     EXPECT_TRUE(first.load().empty());
     EXPECT_TRUE(first.save(Bytes{1, 2, 3}));
     EXPECT_TRUE(first.save(Bytes{4}));
-    EXPECT_EQ(first.load(), Bytes{4});
+    EXPECT_EQ(first.load(), PromiseStore::Copies(2, Bytes{4}));
     EXPECT_THROW(FilePromiseStore{path}, std::runtime_error);  // is in use
   }
   FilePromiseStore store(path);
-  EXPECT_EQ(store.load(), Bytes{4});
+  EXPECT_EQ(store.load(), PromiseStore::Copies(2, Bytes{4}));
   EXPECT_THROW(FilePromiseStore(directory.path() / "no" / "robot0.promise"), std::runtime_error);
 
   EXPECT_EQ(load_promise(store, 0, 7).boot, 7);  // damaged: as if there were none
@@ -41,6 +41,54 @@ TEST(PromiseStore, NoFileIsWaitedForOrReadWithoutEnd) {
   EXPECT_TRUE(load("folder").empty());
   write_text(directory / "long", std::string(400'000, 'x'));
   EXPECT_TRUE(load("long").empty());
+}
+
+// One damaged copy costs nothing, and of two whole ones the newer counts; so it is where saving was interrupted.
+TEST(PromiseStore, OneCopyIsEnough) {
+  const TemporaryDirectory directory;
+  const auto path = directory.path() / "robot4.promise", copy = directory.path() / "robot4.promise.copy";
+  sogm_swarm::announcement_t kept{};
+  kept.radius = 0.2f;
+  const auto promise = [&](std::int64_t seq) {
+    kept.header = make_header(4, 100, seq, kStart);
+    kept.committed = Trajectory::hover(3, kStart, {static_cast<double>(seq), 2, 1}).to_wire();
+    return encoded(kept);
+  };
+  const auto kept_x = [&] {
+    FilePromiseStore store(path);
+    const KeptPromise start = load_promise(store, 4, 7);
+    EXPECT_EQ(start.boot, start.motion ? 101 : 7);
+    return start.motion ? start.motion->at(kStart).position.x() : -1.0;
+  };
+  ASSERT_TRUE(FilePromiseStore(path).save(promise(1)));
+  for (const auto& damaged : {path, copy}) {
+    SCOPED_TRACE(damaged);
+    const std::string whole = read_text(damaged);
+    for (std::size_t bit = 0; bit < 8 * whole.size(); bit += 101) {
+      std::string text = whole;
+      text[bit / 8] = static_cast<char>(text[bit / 8] ^ 1 << bit % 8);
+      write_text(damaged, text);
+      ASSERT_EQ(kept_x(), 1.0);
+    }
+    write_text(damaged, whole.substr(0, whole.size() / 2));
+    EXPECT_EQ(kept_x(), 1.0);
+    write_text(damaged, "");
+    EXPECT_EQ(kept_x(), 1.0);
+    std::filesystem::remove(damaged);
+    std::filesystem::create_directory(damaged);
+    EXPECT_EQ(kept_x(), 1.0);
+    EXPECT_TRUE(FilePromiseStore(path).save(promise(1))) << "the other one is saved";
+    std::filesystem::remove(damaged);
+    write_text(damaged, whole);
+  }
+  for (const auto& older : {path, copy}) {
+    ASSERT_TRUE(FilePromiseStore(path).save(promise(2)));
+    const Bytes before = promise(1);
+    write_text(older, {reinterpret_cast<const char*>(before.data()), before.size()});
+    EXPECT_EQ(kept_x(), 2.0);
+  }
+  write_text(path, "x"), write_text(copy, "x");
+  EXPECT_EQ(kept_x(), -1.0);
 }
 
 TEST(PromiseStore, AStartIsNewerThanWhatWasKept) {
