@@ -31,7 +31,7 @@ class StaticMap {
   }
   static constexpr double kUsualVoxel_m = 0.1;
 
-  static constexpr std::int64_t kMaxBytes = std::int64_t{1} << 29;
+  static constexpr std::int64_t kMaxBytes = std::int64_t{1} << 27;  // half of what a daemon's service may take
 
   // Of the box around all that is occupied; empty if nothing is.
   const GridGeometry& geometry() const { return grid_.geometry; }

@@ -28,11 +28,11 @@ inline constexpr double kMaxTolerance_m = 1000.0, kLeastSpeed_mps = 0.05, kMaxWa
 // Of a map.
 inline constexpr int kMaxMapFrames = sogm_swarm::sogm_t::kMaxFrames;
 inline constexpr int kMaxVoxelsPerAxis = sogm_swarm::sogm_t::kMaxVoxelsPerAxis;
-inline constexpr int kMaxVoxelsPerFrame = 1 << 26;
+inline constexpr int kMaxVoxelsPerFrame = 1 << 24;
 inline constexpr int kMaxParts = sogm_swarm::sogm_t::kMaxParts;
 inline constexpr int kMaxPartBytes = sogm_swarm::sogm_t::kMaxPartBytes;            // compressed
 inline constexpr int kMaxCompressedMapBytes = sogm_swarm::sogm_t::kMaxTotalBytes;  // all parts together
-inline constexpr std::int64_t kMaxMapBytes = std::int64_t{1} << 26;                // decompressed, all frames
+inline constexpr std::int64_t kMaxMapBytes = std::int64_t{1} << 24;  // decompressed, all frames; the planner has seven
 inline constexpr int kMaxWorldIndex = 1 << 30;  // of a voxel, either sign: sums of two never overflow
 
 // Of numbers on the wire, per axis where they have axes.

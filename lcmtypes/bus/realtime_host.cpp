@@ -17,6 +17,7 @@
 
 #include "lcmtypes/bus/big_endian.h"
 #include "lcmtypes/bus/lcm_bus.h"
+#include "lcmtypes/bus/service_manager.h"
 
 namespace swarm {
 namespace {
@@ -235,6 +236,8 @@ void RealtimeHost::run() {
     io_.stop();
   });
   for (const auto& seat : seats_) seat->start();
+  ServiceManager service_manager(io_);
+  service_manager.begin();
   io_.run();
 }
 

@@ -44,7 +44,8 @@ class RealtimeHost {
   // not added.
   void deliver(const Node& node, const std::function<void(Utime now, Outbox& outbox)>& with);
 
-  // Until SIGTERM, SIGINT or stop(). What a node throws comes out here.
+  // Until SIGTERM, SIGINT or stop(). What a node throws comes out here. systemd is told that it runs, see
+  // service_manager.h.
   void run();
   void stop() { io_.stop(); }
 

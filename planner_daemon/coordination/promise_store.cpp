@@ -25,7 +25,7 @@ constexpr std::size_t kMaxPromise = 4096;  // bytes; an announcement of the larg
 
 }  // namespace
 
-FilePromiseStore::FilePromiseStore(std::filesystem::path path) : paths_{path, path.string() + ".copy"} {
+FilePromiseStore::FilePromiseStore(const std::filesystem::path& path) : paths_{path, path.string() + ".copy"} {
   const std::string lock = path.string() + ".lock";
   lock_ = ::open(lock.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NONBLOCK, 0600);
   if (lock_ >= 0 && ::flock(lock_, LOCK_EX | LOCK_NB) == 0) return;

@@ -44,7 +44,7 @@ class MemoryPromiseStore : public PromiseStore {
 class FilePromiseStore : public PromiseStore {
  public:
   // Throws std::runtime_error with path and reason: another has it, or it cannot be locked.
-  explicit FilePromiseStore(std::filesystem::path path);
+  explicit FilePromiseStore(const std::filesystem::path& path);
   ~FilePromiseStore() override;
   FilePromiseStore(const FilePromiseStore&) = delete;
   FilePromiseStore& operator=(const FilePromiseStore&) = delete;

@@ -262,12 +262,12 @@ TEST(Validate, SogmPartsAndVolumeAgree) {
       m.size[2] = static_cast<std::int16_t>(z);
     });
   };
-  EXPECT_EQ(volume(8, 1024, 1024, 64), kGood);  // 64 MB
-  EXPECT_EQ(volume(8, 1024, 1024, 65), kInconsistent);
-  EXPECT_EQ(volume(9, 1024, 1024, 64), kInconsistent);
+  EXPECT_EQ(volume(8, 512, 512, 64), kGood);  // 16 MB
+  EXPECT_EQ(volume(8, 512, 512, 65), kInconsistent);
+  EXPECT_EQ(volume(9, 512, 512, 64), kInconsistent);
   EXPECT_EQ(volume(128, 1024, 1024, 1024), kInconsistent);
-  EXPECT_EQ(volume(1, 1024, 1024, 64), kGood);
-  EXPECT_EQ(volume(1, 1024, 1024, 65), kInconsistent);  // a frame of more than 2^26 voxels, 16 MB in all
+  EXPECT_EQ(volume(1, 1024, 256, 64), kGood);
+  EXPECT_EQ(volume(1, 1024, 256, 65), kInconsistent);  // a frame of more than 2^24 voxels, 4 MB in all
 }
 
 }  // namespace

@@ -20,7 +20,8 @@ class CheckMachine : public testing::Test {
     const std::string port = std::to_string(base_port()), onboard = std::to_string(base_port() + 33);
     std::string text = read_text(std::filesystem::path(SWARM_SOURCE_DIR) / "tools/deploy/robot.env");
     text = replaced(replaced(text, ":7700", ":" + onboard), ":7667", ":" + port);
-    configure(text);
+    shipped_ = text;
+    configure(replaced(replaced(text, "ROBOT_ID=\n", "ROBOT_ID=0\n"), "ROSTER=\n", "ROSTER=0\n"));
     std::filesystem::copy(std::filesystem::path(SWARM_SOURCE_DIR) / "tools/deploy/fragments.nft", directory_.path());
     set_key(std::string(64, 'a') + "\n");
   }
@@ -47,8 +48,18 @@ class CheckMachine : public testing::Test {
   }
 
   TemporaryDirectory directory_;
-  std::string text_;  // of robot.env
+  std::string text_, shipped_;  // of robot.env
 };
+
+// Two robots with one number would collide.
+TEST_F(CheckMachine, RefusesARobotWithoutANumber) {
+  configure(shipped_);
+  const Finished finished = check();
+  EXPECT_EQ(finished.exit_code, 1);
+  EXPECT_TRUE(says(finished, "FAIL  ROBOT_ID in ")) << finished.out;
+  EXPECT_TRUE(says(finished, "FAIL  ROSTER in ")) << finished.out;
+  EXPECT_TRUE(says(finished, "FAIL  configuration: map_daemon: --robot-id : must be a whole number")) << finished.out;
+}
 
 TEST_F(CheckMachine, AcceptsTheConfigurationThatIsShipped) {
   const Finished finished = check();

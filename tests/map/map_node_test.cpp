@@ -483,9 +483,9 @@ TEST(MapConfig, RefusesWhatCannotWork) {
   EXPECT_EQ(complaint([](MapConfig& c) { c.resolution_m = 0.15; }), "");  // 66.67 voxels: rounded up
   expect_named("window", "2000", [](MapConfig& c) { c.least_window_m.x() = 200; });
   expect_named("window", "at most", [](MapConfig& c) { c.least_window_m = {100, 100, 10}; });
-  expect_named("window", "bytes", [](MapConfig& c) { c.least_window_m = {100, 50, 6.4}; });
+  expect_named("window", "bytes", [](MapConfig& c) { c.least_window_m = {50, 50, 6.4}; });
   expect_named("v-max", "voxels of --resolution", [](MapConfig& c) { c.v_max_mps = 30.0, c.a_max_mps2 = 3.0; });
-  expect_named("v-max", "bytes", [](MapConfig& c) { c.v_max_mps = 20.0, c.a_max_mps2 = 5.0; });
+  expect_named("v-max", "bytes", [](MapConfig& c) { c.v_max_mps = 12.0, c.a_max_mps2 = 5.0; });
   expect_named("resolution", "0.005", [](MapConfig& c) { c.resolution_m = 0.005; });
   expect_named("horizon", "6.66", [](MapConfig& c) { c.frame_s = 0.3; });
   expect_named("horizon", "200", [](MapConfig& c) { c.frame_s = 0.01; });

@@ -1,5 +1,6 @@
 #include "tools/viewer/web_server.h"
 
+#include <algorithm>
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/asio/steady_timer.hpp>
 #include <boost/beast/core.hpp>
@@ -27,11 +28,21 @@ constexpr std::uint64_t kMaxBody = 1024;
 
 // Whether "name:port" names this server as only its own user would: other names can be made to point here by anybody.
 bool is_plain_host(std::string_view host) {
-  if (host.starts_with('[')) return host.find(']') != host.npos;
-  const std::string name(host.substr(0, host.rfind(':') == host.npos ? host.size() : host.rfind(':')));
+  const bool is_v6 = host.starts_with('[');
+  const std::size_t end = is_v6 ? host.find(']') : std::min(host.find(':'), host.size());
+  if (end == host.npos) return false;
+  const std::string name(is_v6 ? host.substr(1, end - 1) : host.substr(0, end));
+  const std::string_view port = host.substr(is_v6 ? end + 1 : end);
+  const bool is_port = port.size() >= 2 && port.size() <= 6 && port.front() == ':' &&
+                       port.find_first_not_of("0123456789", 1) == port.npos;
+  if (!port.empty() && !is_port) return false;
   error_code error;
-  asio::ip::make_address(name, error);
-  return !error || name == "localhost";
+  if (is_v6) {
+    asio::ip::make_address_v6(name, error);
+  } else {
+    asio::ip::make_address_v4(name, error);
+  }
+  return !error || (name == "localhost" && !is_v6);
 }
 
 std::string_view view_of(beast::string_view text) {
