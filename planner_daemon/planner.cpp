@@ -161,6 +161,13 @@ void Planner::prepare(const PlanRequest& request) {
   if (stopwatch_) result_.prepare_ms = to_ms(stopwatch_() - began);
 }
 
+void Planner::forget() {
+  guidance_.forget();
+  static_key_ = space_time_key_ = voxel_ways_key_ = CacheKey();
+  local_minimum_ = LocalMinimum();
+  searches_finer_ = path_.settled = false;
+}
+
 // What stands still changes slowly.
 Duration Planner::static_heuristic_age(const PlanRequest& request) const {
   return (reachable_.center - request.goal).norm() < kAtGoal_m ? kAtGoalAge : kStaticHeuristicAge;
@@ -181,6 +188,12 @@ void Planner::renew_static_heuristic(const PlanRequest& request) {
   static_key_ = cache_key(request);
 }
 
+void Planner::work_out_ways(const PlanRequest& request) {
+  compose(request);
+  renew_static_heuristic(request);
+  static_key_.utime -= 1us;  // they serve a plan with this map
+}
+
 void Planner::build_heuristics(const PlanRequest& request) {
   const SearchLimits& limits = config_.limits;
   if (!static_key_.serves(request, static_heuristic_age(request))) renew_static_heuristic(request);
@@ -191,7 +204,7 @@ void Planner::build_heuristics(const PlanRequest& request) {
 }
 
 std::optional<double> Planner::way_m(const PlanRequest& request) const {
-  if (static_key_.goal != request.goal) return {};
+  if (!knows_ways(request)) return {};
   const int cost = static_heuristic_.cost(request.own.at(request.start_utime).position);
   if (cost == Wavefront::kUnreached) return {};
   return request.sogm->geometry.resolution_m * cost / Wavefront::kStraight;

@@ -95,6 +95,11 @@ class Planner {
   // What may wait until the newest plan is out: what looks far ahead is worked out for the next ones, from that plan's
   // request. Where nobody calls it, plans do so themselves when it is due.
   void prepare(const PlanRequest& request);
+  // All that plans leave to later ones, but for memory.
+  void forget();
+  // Whether ways to the request's goal are known. A plan that must work them out first takes many times as long.
+  bool knows_ways(const PlanRequest& request) const { return static_key_.goal == request.goal; }
+  void work_out_ways(const PlanRequest& request);
   // Whether a plan takes several times as long as other plans: its heuristics are to be built anew.
   bool is_slow(const PlanRequest& request) const;
 

@@ -88,13 +88,15 @@ void verify(const PlannerNodeConfig& config) {
 
 PlannerNode::PlannerNode(const PlannerNodeConfig& config, std::int32_t boot, Stopwatch stopwatch, bool durations_count)
     : config_(config),
-      durations_count_(durations_count),
+      durations_count_(durations_count && stopwatch),
       planner_((verify(config), config.planner), std::move(stopwatch)),
       candidate_headers_(config.robot_id, boot),
       corridor_headers_(config.robot_id, boot),
       status_headers_(config.robot_id, boot),
       plan_delays_{PlanDelay(config.lead_s), PlanDelay(config.lead_s)},
-      give_way_(config.robot_id, config.planner) {}
+      give_way_(config.robot_id, config.planner) {
+  if (durations_count_) rehearsal_.emplace(config.planner.limits);
+}
 
 std::vector<Subscription> PlannerNode::subscriptions() const {
   return {{BusId::kOnboard, channel::kSogm},
@@ -174,7 +176,7 @@ Refusal PlannerNode::on_peer(Utime now, std::span<const std::uint8_t> bytes) {
   const Refusal refusal = receive(bytes, from_peer, window(now), in_order, &message);
   if (refusal != Refusal::kNone) return refusal;
   PeerEntry& entry = peers_.at(message.header.robot_id);
-  commit_delay_.heard(to_seconds(std::max(0us, now - to_utime(message.header.utime))));
+  if (!rehearsal_) commit_delay_.heard(to_seconds(std::max(0us, now - to_utime(message.header.utime))));
   Peer& peer = peer_list_[entry.place];
   peer.motion = motion_of(message);
   peer.pending = pending_of(message);
@@ -212,6 +214,11 @@ bool PlannerNode::on_clock_step(Utime, Duration step) {
 
 Utime PlannerNode::step(Utime now, Outbox& outbox) {
   const bool has_map = map_.num_frames > 0;
+  if (has_map && rehearsal_) {
+    if (!rehearsal_->plan(map_, &planner_)) rehearsal_.reset();
+    map_is_new_ = false;  // it took its time
+    return now + 1us;
+  }
   // After the clock was set back, the map may be of the future.
   const bool stale = has_map && check_time(map_.start_utime, now, to_duration(config_.stale_map_s),
                                            to_duration(config_.clock_limit_s)) != Refusal::kNone;
@@ -231,6 +238,7 @@ Utime PlannerNode::step(Utime now, Outbox& outbox) {
       wake = std::min(wake, due);
     } else {
       plan(now, outbox);
+      if (map_is_new_) wake = now + 1us;
     }
   }
   if (now >= status_.due(now, kStatusPeriod)) {
@@ -268,9 +276,10 @@ Utime PlannerNode::start_utime(Utime now, bool is_slow) {
 }
 
 void PlannerNode::plan(Utime now, Outbox& outbox) {
-  map_is_new_ = false;
-  plan_.done(now);
-
+  if (planned_ && planned_->took_s > delay_of(planned_->is_slow).lead_s()) {  // it came too late to be announced
+    delay_of(planned_->is_slow).took(planned_->took_s);
+    planned_.reset();
+  }
   request_.sogm = &map_;
   request_.own = *own_;
   // Without a goal the robot holds its place, but steps aside like any other.
@@ -291,10 +300,14 @@ void PlannerNode::plan(Utime now, Outbox& outbox) {
   if (is_urgent && commit_delay_.is_unanswered()) aside = own_->at(own_->end_utime()).position;
   request_.is_aside = aside.has_value();
   request_.goal = aside.value_or(request_.goal);
+  if (durations_count_ && !planner_.knows_ways(request_) && ways_utime_ != map_.start_utime) {
+    planner_.work_out_ways(request_);  // takes as long as many plans: then anew, by the time it is then
+    ways_utime_ = map_.start_utime;
+    return;
+  }
+  map_is_new_ = false;
+  plan_.done(now);
   newest_ = &planner_.plan(request_);
-
-  const double took_s = durations_count_ ? newest_->total_ms() / 1000.0 : 0.0;
-  if (took_s > delay_of(is_slow).lead_s()) delay_of(is_slow).took(took_s);  // it may come too late to be announced
   ++plans_;
   plan_times_.push_back(now);
   if (newest_->fly) {
@@ -304,7 +317,7 @@ void PlannerNode::plan(Utime now, Outbox& outbox) {
     trajectory.set_seq(++candidate_seq_);
     candidate.trajectory = trajectory.to_wire();
     candidate.urgent = is_urgent ? 1 : 0;
-    planned_ = {now, trajectory.start_utime(), is_slow};
+    planned_ = {now, trajectory.start_utime(), durations_count_ ? newest_->total_ms() / 1000.0 : 0.0, is_slow};
     outbox.publish(BusId::kOnboard, channel::kCandidate, candidate);
     publish_corridors(now, outbox);
   }

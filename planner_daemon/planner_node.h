@@ -17,6 +17,7 @@
 #include "planner_daemon/coordination/commit_delay.h"
 #include "planner_daemon/give_way.h"
 #include "planner_daemon/planner.h"
+#include "planner_daemon/rehearsal.h"
 #include "planner_daemon/trajectory/mission.h"
 
 namespace swarm {
@@ -74,14 +75,17 @@ class PlannerNode : public Node {
   RefusalCounts refused_;
   HeaderSource candidate_headers_, corridor_headers_, status_headers_;
 
-  Sogm map_;                 // the newest complete one
-  bool map_is_new_ = false;  // not planned with yet
+  Sogm map_;                            // the newest complete one
+  bool map_is_new_ = false;             // not planned with yet
+  Utime ways_utime_{};                  // of the map with which the ways to another goal were worked out last
+  std::optional<Rehearsal> rehearsal_;  // until it is over
   std::optional<Motion> own_;
   Trajectory pending_;                 // of our plans: waits for acknowledgements; may be empty
   Utime pending_stamp_{};              // when it was announced
   std::optional<Utime> urgent_start_;  // of the newest plan; none: it is not urgent
   struct Planned {
     Utime begun, start;
+    double took_s;
     bool is_slow;
   };
   std::optional<Planned> planned_;        // the newest candidate, until it is announced

@@ -50,6 +50,11 @@ void Guidance::reconsider(const Eigen::Vector3d& place) {
   if (!empty_ && !works_ && !is_stale_ && !leads_from(place) && map_.forget_seen()) is_stale_ = true;
 }
 
+void Guidance::forget() {
+  (void)map_.forget_seen();
+  resolution_m_ = 0.0;
+}
+
 bool Guidance::is_unreachable(const Eigen::Vector3d& place) const {
   if (resolution_m_ == 0.0) return false;  // it knows no goal yet
   if (!map_.in_flight_space(goal_voxel_)) return true;

@@ -23,6 +23,8 @@ class Guidance {
   void update(const Sogm& sogm, const Sogm& standing, const Eigen::Vector3d& goal, double blocked_m);
   // Where no way leads from `place`, forgets what was seen: it may be gone since.
   void reconsider(const Eigen::Vector3d& place);
+  // The goal, and what was seen.
+  void forget();
   // A little of what is to do.
   void work();
 

@@ -26,9 +26,9 @@ bool hurries(const ControlPoints& whole, double h_s, double v_max_mps, double a_
 Utime GoalShot::goal_open_from() const {
   const SearchProblem& problem = context_.problem;
   const Sogm& map = problem.space->grid();
-  int frame = map.frame_at(context_.utime_at(context_.options.num_pieces));
-  if (problem.space->recently_occupied_at(problem.goal, frame)) return kNever;
-  while (frame > 0 && !problem.space->recently_occupied_at(problem.goal, frame - 1)) --frame;
+  const int last_frame = map.frame_at(context_.utime_at(context_.options.num_pieces));
+  const int frame = problem.space->clear_from(problem.goal, last_frame);
+  if (frame > last_frame) return kNever;
   return frame == 0 ? problem.start_utime : map.start_utime + frame * map.frame_duration;
 }
 

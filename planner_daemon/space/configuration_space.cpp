@@ -196,6 +196,21 @@ bool ConfigurationSpace::recently_occupied_at(const Eigen::Vector3d& position, i
          (!walls_.empty() && walls_.meet(position));
 }
 
+// What was recently there is what blocks in that frame or shortly before, and what silent peers sweep: only where there
+// are such must all of it be worked out.
+int ConfigurationSpace::clear_from(const Eigen::Vector3d& position, int last_frame) {
+  const Columns column = column_of(grid().geometry.voxel_of(position));
+  const Columns seen = column.grown(blocked_.dilator.radius_voxels(), grid().geometry);
+  int clear = 0;
+  for (int frame = last_frame; frame >= 0 && frame + recent_frames_ >= clear; --frame) {
+    if (blocked_at(position, frame)) return std::max(clear, std::min(frame + recent_frames_, last_frame) + 1);
+    sources_.clear();
+    silent_peers_.append_layers(frame, seen, &sources_);
+    if (!sources_.empty() && recently_occupied_at(position, frame)) clear = std::max(clear, frame + 1);
+  }
+  return clear;
+}
+
 std::optional<Severity> ConfigurationSpace::severity_at(const Eigen::Vector3d& position, int frame) {
   const Eigen::Vector3i voxel = grid().geometry.voxel_of(position);
   const Columns column = column_of(voxel);

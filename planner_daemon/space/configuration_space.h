@@ -78,6 +78,8 @@ class ConfigurationSpace {
   // Walls, by exact distance, among it.
   bool blocked_at(const Eigen::Vector3d& position, int frame);
   bool recently_occupied_at(const Eigen::Vector3d& position, int frame);
+  // The first frame from which on, until `last_frame`, nothing was recently there; last_frame + 1: none.
+  int clear_from(const Eigen::Vector3d& position, int last_frame);
   // None where it is free.
   std::optional<Severity> severity_at(const Eigen::Vector3d& position, int frame);
   // First time from `from` on at which the motion enters blocked space, or kNever: looked at every 10 ms, and

@@ -5,6 +5,7 @@
 #include <cstdlib>
 
 #include "planner_daemon/planner.h"
+#include "planner_daemon/rehearsal.h"
 #include "tests/support/harness.h"
 #include "tests/support/random_map.h"
 #include "tests/support/random_motion.h"
@@ -15,8 +16,11 @@
 namespace {
 std::atomic<bool> counting = false;
 std::atomic<int> allocations = 0;
-void count() {
-  if (counting) ++allocations;
+std::atomic<std::size_t> bytes = 0;
+void count(std::size_t size) {
+  if (!counting) return;
+  ++allocations;
+  bytes += size;
 }
 }  // namespace
 
@@ -27,23 +31,23 @@ void* __libc_realloc(void*, std::size_t);
 void* __libc_memalign(std::size_t, std::size_t);
 
 void* malloc(std::size_t size) {
-  count();
+  count(size);
   return __libc_malloc(size);
 }
 void* calloc(std::size_t number, std::size_t size) {
-  count();
+  count(number * size);
   return __libc_calloc(number, size);
 }
 void* realloc(void* old, std::size_t size) {
-  count();
+  count(size);
   return __libc_realloc(old, size);
 }
 void* aligned_alloc(std::size_t alignment, std::size_t size) {
-  count();
+  count(size);
   return __libc_memalign(alignment, size);
 }
 int posix_memalign(void** out, std::size_t alignment, std::size_t size) {
-  count();
+  count(size);
   *out = __libc_memalign(alignment, size);
   return *out == nullptr ? 12 : 0;
 }
@@ -108,6 +112,36 @@ TEST(Allocation, PlanningTakesNoMemoryOnceItHasMetItsProblems) {
   }
   EXPECT_GT(outcomes[static_cast<std::size_t>(PlanOutcome::kSmooth)], 20);
   EXPECT_GT(outcomes[static_cast<std::size_t>(PlanOutcome::kUnsafe)], 3);
+}
+
+// What the first plan after it, of a world that was not rehearsed, takes: little.
+TEST(Allocation, RehearsedPlansFindTheirMemory) {
+  Rng rng(2);
+  PlannerConfig config;
+  config.limits.space_min = {-4.9, -4.9, -0.9};
+  config.limits.space_max = {4.9, 4.9, 0.9};
+  const Sogm map = random_map(rng, 20, {10, 10, 2}, 20, kStart, 100ms);
+  const std::vector<Peer> peers(2, {random_motion(rng, kStart - 500ms, 3.0), Trajectory(), 0.2});
+  PlanRequest request;
+  request.sogm = &map;
+  request.peers = &peers;
+  request.own = {Trajectory::hover(1, kStart - 1s, {-3, -3, 0}), {}};
+  request.start_utime = kStart + 50ms;
+  request.goal = {4, 4, 0};
+  const auto bytes_of_plan = [&](bool is_rehearsed) {
+    Planner planner(config);
+    Rehearsal rehearsal(config.limits);
+    while (is_rehearsed && rehearsal.plan(map, &planner)) continue;
+    bytes = 0;
+    (void)allocations_of([&] {
+      (void)planner.plan(request);
+      planner.prepare(request);
+    });
+    return bytes.load();
+  };
+  const std::size_t rehearsed = bytes_of_plan(true), first = bytes_of_plan(false);
+  EXPECT_GT(first, 1'000'000u);
+  EXPECT_LT(rehearsed, first / 20);
 }
 
 }  // namespace

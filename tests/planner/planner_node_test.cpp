@@ -212,6 +212,9 @@ TEST(PlannerNode, DurationsArePublishedOrZero) {
     Fixture f(
         Fixture::make_config(), [&ns] { return ns += 2ms; }, publish);
     f.start({1, 0, 1});
+    f.run_for(0.05);
+    f.send_map();
+    f.run_for(0.001);
     const planner_status_t status = f.status();
     for (const float ms :
          {status.compose_ms, status.search_ms, status.corridor_ms, status.optimize_ms, status.check_ms}) {

@@ -1,0 +1,76 @@
+#include "planner_daemon/rehearsal.h"
+
+#include <array>
+
+namespace swarm {
+namespace {
+
+constexpr Utime kNow{1'000s};
+constexpr std::array kSpacings = {12, 8, 20,
+                                  30, 1, 0};  // voxels between pillars; 1: they close the world, 0: there are none
+constexpr int kPlansEach = 2;                 // in flight, and hovering
+constexpr int kPillar = 4, kSpeed = 2;        // voxels: their edge, and so far they go from frame to frame
+constexpr int kPeers = 4;
+
+// Pillars that move along x.
+void set_pillars(int spacing, Sogm* world) {
+  const GridGeometry& grid = world->geometry;
+  for (int frame = 0; spacing > 0 && frame < world->num_frames; ++frame) {
+    for (int x = 0; x < grid.size.x(); ++x) {
+      for (int y = 0; y < grid.size.y(); ++y) {
+        if ((x + kSpeed * frame) % spacing < kPillar && y % spacing < kPillar)
+          set_run(0, grid.size.z(), grid.size.z(), world->column(frame, x, y));
+      }
+    }
+  }
+}
+
+// From `place` straight on for a second.
+Trajectory flight(const Eigen::Vector3d& place, const Eigen::Vector3d& velocity) {
+  constexpr int kPieces = 5;
+  constexpr Duration kPiece = 200ms;
+  Trajectory flight(1, kNow, kPiece, kPieces);
+  for (int k = 0; k <= kPieces; ++k) {
+    MotionState knot;
+    knot.position = place + k * to_seconds(kPiece) * velocity;
+    if (k < kPieces) knot.velocity = velocity;
+    flight.set_knot(k, knot);
+  }
+  return flight;
+}
+
+}  // namespace
+
+bool Rehearsal::plan(const Sogm& map, Planner* planner) {
+  const GridGeometry& grid = map.geometry;
+  const Eigen::Vector3d size = grid.size.cast<double>() * grid.resolution_m;
+  const auto in_flight_space = [this](const Eigen::Vector3d& place) {
+    return place.cwiseMax(limits_.space_min).cwiseMin(limits_.space_max);
+  };
+  const Eigen::Vector3d place = in_flight_space(grid.center_of(grid.size / 2));
+  const Eigen::Vector3d velocity = limits_.v_max_mps * Eigen::Vector3d(0.7, 0.5, 0.0);
+  world_.reset(grid, map.num_frames, kNow, map.frame_duration);
+  set_pillars(kSpacings[static_cast<std::size_t>(plans_ / kPlansEach)], &world_);
+  peers_.resize(kPeers);
+  for (int k = 0; k < kPeers; ++k) {
+    const int row = k / 2;
+    const Eigen::Vector3d beside = place + Eigen::Vector3d((k % 2 - 0.5) * size.x(), (row - 0.5) * size.y(), 0) / 4;
+    Peer& peer = peers_[static_cast<std::size_t>(k)];
+    peer.motion = {flight(beside, -velocity), {}};
+    peer.pending = flight(beside, velocity);
+    peer.silent = k == 0;
+  }
+  const bool hovers = plans_ % kPlansEach == 1;
+  PlanRequest request;
+  request.sogm = &world_;
+  request.peers = &peers_;
+  request.own = {hovers ? Trajectory::hover(1, kNow - 1s, place) : flight(place, velocity), {}};
+  request.start_utime = kNow + 50ms;
+  request.goal = hovers ? place : in_flight_space(place + size / 2);
+  (void)planner->plan(request);
+  planner->prepare(request);
+  planner->forget();
+  return ++plans_ < kPlansEach * std::ssize(kSpacings);
+}
+
+}  // namespace swarm
