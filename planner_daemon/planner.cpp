@@ -189,9 +189,11 @@ void Planner::renew_static_heuristic(const PlanRequest& request) {
 }
 
 void Planner::work_out_ways(const PlanRequest& request) {
+  const std::chrono::nanoseconds began = stopwatch_ ? stopwatch_() : 0ns;
   compose(request);
   renew_static_heuristic(request);
   static_key_.utime -= 1us;  // they serve a plan with this map
+  if (stopwatch_) result_.prepare_ms = to_ms(stopwatch_() - began);
 }
 
 void Planner::build_heuristics(const PlanRequest& request) {

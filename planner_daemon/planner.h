@@ -61,7 +61,7 @@ struct PlanResult {
   int expansions = 0;
   bool is_unreachable = false;                  // the goal, see Guidance
   std::array<double, kNumPlanSteps> step_ms{};  // wall time; 0 without a stopwatch
-  double prepare_ms = 0.0;                      // wall time of the newest prepare()
+  double prepare_ms = 0.0;                      // wall time of the newest prepare() or work_out_ways()
 
   double total_ms() const { return std::accumulate(step_ms.begin(), step_ms.end(), 0.0); }
 };

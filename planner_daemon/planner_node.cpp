@@ -300,10 +300,10 @@ void PlannerNode::plan(Utime now, Outbox& outbox) {
   if (is_urgent && commit_delay_.is_unanswered()) aside = own_->at(own_->end_utime()).position;
   request_.is_aside = aside.has_value();
   request_.goal = aside.value_or(request_.goal);
-  if (durations_count_ && !planner_.knows_ways(request_) && ways_utime_ != map_.start_utime) {
-    planner_.work_out_ways(request_);  // takes as long as many plans: then anew, by the time it is then
+  if (!planner_.knows_ways(request_) && ways_utime_ != map_.start_utime) {
+    planner_.work_out_ways(request_);
     ways_utime_ = map_.start_utime;
-    return;
+    if (durations_count_) return;  // it took as long as many plans: then anew, by the time it is then
   }
   map_is_new_ = false;
   plan_.done(now);

@@ -67,11 +67,10 @@ bool GoalShot::shoot(const SearchNode& node, SearchPath* path) {
            max_acceleration_bound(points, tau_s) <= a_max_mps2 + 1e-9;
     }
     if (!ok) continue;
-    // Free on the way, and at the goal until the horizon.
-    const int num_samples = context_.primitives.num_samples();
-    for (int i = 1; i <= room * num_samples && ok; ++i) {
-      const double s = std::min(1.0, static_cast<double>(i) / (pieces * num_samples));
-      const Eigen::Vector3d position = bezier_position(whole, s);
+    // Free on the way; at the goal it is.
+    const int num_samples = pieces * context_.primitives.num_samples();
+    for (int i = 1; i <= num_samples && ok; ++i) {
+      const Eigen::Vector3d position = bezier_position(whole, static_cast<double>(i) / num_samples);
       const Utime utime = context_.utime_of_sample(node.depth, i - 1);
       ok = !context_.problem.space->recently_occupied_at(position, map.frame_at(utime)) &&
            (position.array() >= space.min().array() - 1e-6).all() &&

@@ -118,7 +118,7 @@ void ConfigurationSpace::for_each_new_box(int first_frame, int last_frame, const
     Columns box{edge, Eigen::Vector2i::Constant(-1)};  // that holds all new tiles
     for (int x = first.x(); x <= last.x(); ++x) {
       for (int y = first.y(); y <= last.y(); ++y) {
-        std::uint32_t& round = (*rounds)[static_cast<std::size_t>((frame * tiles_.x() + x) * tiles_.y() + y)];
+        std::uint32_t& round = (*rounds)[tile_at(frame, x, y)];
         if (round == round_) continue;
         round = round_;
         const Eigen::Vector2i corner(kTile * x, kTile * y);
@@ -186,8 +186,14 @@ Severity ConfigurationSpace::severity(std::size_t word, std::uint64_t bit) {
 }
 
 bool ConfigurationSpace::blocked_at(const Eigen::Vector3d& position, int frame) {
-  const Eigen::Vector3i voxel = grid().geometry.voxel_of(position);
-  return blocked(frame, frame, column_of(voxel)).occupied(frame, voxel) || (!walls_.empty() && walls_.meet(position));
+  const Sogm& layer = blocked_.sogm;
+  const Eigen::Vector3i voxel = layer.geometry.voxel_of(position);
+  if (layer.geometry.contains(voxel)) {
+    const bool is_known = blocked_.rounds[tile_at(frame, voxel.x() / kTile, voxel.y() / kTile)] == round_;
+    if (!is_known) (void)blocked(frame, frame, column_of(voxel));
+    if (layer.occupied(frame, voxel)) return true;
+  }
+  return !walls_.empty() && walls_.meet(position);
 }
 
 bool ConfigurationSpace::recently_occupied_at(const Eigen::Vector3d& position, int frame) {

@@ -96,6 +96,9 @@ class ConfigurationSpace {
     Rounds rounds;
   };
 
+  std::size_t tile_at(int frame, int x, int y) const {  // in Rounds
+    return static_cast<std::size_t>((frame * tiles_.x() + x) * tiles_.y() + y);
+  }
   void add_peers(const std::vector<Peer>& peers, const ReachableSet& reachable);
   template <class WorkOut>
   void for_each_new_box(int first_frame, int last_frame, const Columns& columns, Rounds* rounds,
