@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
-#include <limits>
 #include <numbers>
 #include <set>
 #include <utility>
@@ -21,7 +20,6 @@ using sogm_swarm::announcement_t;
 constexpr Duration kMaxAge = 1s;  // of messages from peers and planner
 constexpr Duration kStatusPeriod = 1s;
 constexpr Duration kClockDoubt = 1s;
-constexpr Duration kTwin = 2s;
 constexpr Duration kLively = 300ms;            // after news
 constexpr std::int64_t kMostLost = 1'000'000;  // that are counted, of a peer: the sum of all fits its field
 constexpr int kMostJudged = 4;                 // peers at once: far less time than between two setpoints
@@ -75,7 +73,8 @@ BroadcastNode::BroadcastNode(const BroadcastConfig& config, PromiseStore& store,
       status_headers_(config.robot_id, kept_.boot),
       promise_headers_(config.robot_id, kept_.boot),
       protocol_(
-          {config.robot_id, kept_.boot, config.roster, config.radius_m, config.separation_m, config.clock_error_s}) {
+          {config.robot_id, kept_.boot, config.roster, config.radius_m, config.separation_m, config.clock_error_s}),
+      identity_(config.robot_id, kept_.boot, static_cast<int>(protocol_.peers().size())) {
   std::set<int> robots(config.roster.begin(), config.roster.end());
   robots.insert(config.robot_id);
   places_.assign(robots.begin(), robots.end());
@@ -146,9 +145,9 @@ Refusal BroadcastNode::on_candidate(Utime now, std::span<const std::uint8_t> byt
   ++candidates_;
   advance(now);
   const Trajectory candidate = Trajectory::from_wire(message.trajectory);
-  Rejection rejection = clock_is_stepped_ ? Rejection::kClock
-                        : has_twin(now)   ? Rejection::kTwin
-                                          : examine(now, candidate);
+  Rejection rejection = clock_is_stepped_         ? Rejection::kClock
+                        : identity_.has_twin(now) ? Rejection::kTwin
+                                                  : examine(now, candidate);
   if (rejection == Rejection::kNone) rejection = protocol_.propose(now, candidate, message.urgent != 0);
   ++rejected_[static_cast<std::size_t>(rejection)];
   return Refusal::kNone;
@@ -188,7 +187,7 @@ Refusal BroadcastNode::on_peer(Utime now, std::span<const std::uint8_t> bytes) {
   const TimeWindow lately{now, kMaxAge, to_duration(config_.clock_error_s)};
   const Refusal refusal = receive(bytes, from_peer, lately, in_order, &message);
   if (refusal == Refusal::kRobot && message.header.robot_id == config_.robot_id)  // multicast returns our own
-    return is_of_twin(now, message.header) ? Refusal::kRobot : Refusal::kNone;
+    return identity_.is_of_twin(now, message.header) ? Refusal::kRobot : Refusal::kNone;
   if (refusal == Refusal::kTime && to_utime(message.header.utime) > now) doubt_clock_of(message.header.robot_id, now);
   if (refusal != Refusal::kNone) return refusal;
   const int id = message.header.robot_id;
@@ -225,52 +224,26 @@ void BroadcastNode::judge_peers(Utime now, Outbox& outbox) {
     protocol_.receive(now, link.newest);
     outbox.publish_bytes(BusId::kOnboard, channel::kPeerTrajectory, link.bytes);
     link.bytes.clear();
-    if (const std::int32_t echo = protocol_.peers().at(id).our_boot; echo > kept_.boot) outdo(now, echo);
+    if (identity_.outdo(now, protocol_.peers().at(id).our_boot, protocol_.commits() > 0)) {
+      set_boot(identity_.boot());
+      if (motion()) keep(now, protocol_.state());
+    }
   }
 }
 
-// What was promised had got lost with the disk, or the clock was set back: peers would refuse this start as an old one.
-// But who has flown was heard: then it is another one's. Each peer knows one start.
-void BroadcastNode::outdo(Utime now, std::int32_t boot) {
-  const bool is_twins = protocol_.commits() > 0 || outdone_ == std::ssize(links_);
-  if (is_twins || boot == std::numeric_limits<std::int32_t>::max()) return beware_of_twin(now, boot);
-  ++outdone_;
-  spdlog::warn("peers know a later start of robot {}: this is not start {}, but {}", config_.robot_id, kept_.boot,
-               boot + 1);
-  kept_.boot = boot + 1;
+// From here on messages are of this start.
+void BroadcastNode::set_boot(std::int32_t boot) {
   for (HeaderSource* headers : {&announcement_headers_, &setpoint_headers_, &status_headers_, &promise_headers_})
-    *headers = HeaderSource(config_.robot_id, kept_.boot);
-  began_ = now;  // what was said before is not another one's
-  protocol_.set_boot(kept_.boot);
-  if (motion()) keep(now, protocol_.state());
+    *headers = HeaderSource(config_.robot_id, boot);
+  protocol_.set_boot(boot);
 }
 
 Refusal BroadcastNode::on_own(Utime now, std::span<const std::uint8_t> bytes) {
   announcement_t message;
   const Refusal refusal = receive(bytes, FromRobot{config_.robot_id}, {now}, AnyOrder(), &message);
-  if (refusal != Refusal::kNone || !is_of_twin(now, message.header)) return refusal;
-  // On one bus, setpoints of two would alternate: who started later leaves the robot to the other.
-  if (kept_.boot > message.header.boot) silent_until_ = now + kTwin;
+  if (refusal != Refusal::kNone || !identity_.is_of_twin(now, message.header)) return refusal;
+  identity_.give_way(now, message.header.boot);
   return Refusal::kRobot;
-}
-
-bool BroadcastNode::is_of_twin(Utime now, const sogm_swarm::header_t& header) {
-  const Utime utime = to_utime(header.utime);
-  const bool was_said_here =
-      header.boot == kept_.boot && said_[static_cast<std::size_t>(header.seq) % said_.size()] == header.utime;
-  const bool is_own = was_said_here || !began_ || utime <= std::max(*began_, now - kMaxAge);
-  if (!is_own) beware_of_twin(now, header.boot);
-  return !is_own;
-}
-
-void BroadcastNode::beware_of_twin(Utime now, std::int32_t its_boot) {
-  if (!has_twin(now)) {
-    spdlog::error(
-        "another broadcaster speaks as robot {}: nothing is committed until 2 s after the last of it (boot {} here, {} "
-        "there)",
-        config_.robot_id, kept_.boot, its_boot);
-  }
-  twin_until_ = now + kTwin;
 }
 
 int BroadcastNode::told_about(const sogm_swarm::header_t& header) const {
@@ -291,7 +264,7 @@ bool BroadcastNode::on_clock_step(Utime now, Duration step) {
   clock_is_stepped_ = step != 0us && !rests;
   if (step == 0us || !rests) return rests;
   const Utime then = now + step;
-  began_ = then;
+  identity_.begin(then);
   for (auto& [id, link] : links_) {  // what they differed by is not what they differ by
     link.clock = ClockOffset();
     link.heard += step;
@@ -307,15 +280,13 @@ bool BroadcastNode::on_clock_step(Utime now, Duration step) {
 void BroadcastNode::advance(Utime now) {
   // No doubt lasts longer; but it would, were the clock set back.
   clock_doubt_until_ = std::min(clock_doubt_until_, now + kMaxMotion);
-  twin_until_ = std::min(twin_until_, now + kTwin);
-  silent_until_ = std::min(silent_until_, now + kTwin);
-  if (!began_) began_ = now;
+  identity_.advance(now);
   protocol_.doubt_clocks(!clocks_agree(now));
   protocol_.advance(now);
 }
 
 void BroadcastNode::commit(Utime now) {
-  if (!clock_is_stepped_ && !has_twin(now) && protocol_.may_commit(now))
+  if (!clock_is_stepped_ && !identity_.has_twin(now) && protocol_.may_commit(now))
     protocol_.commit([&](const announcement_t& promise) { return keep(now, promise), !store_fails_; });
 }
 
@@ -340,7 +311,7 @@ Utime BroadcastNode::step(Utime now, Outbox& outbox) {
     };
     if (now >= due()) announce(now, outbox);
     if (now >= setpoint_.due_on_grid(now, setpoint_period)) {
-      if (now >= silent_until_) publish_setpoint(now, outbox);
+      if (!identity_.gives_way(now)) publish_setpoint(now, outbox);
       setpoint_.done(now);
     }
     wake = std::min({wake, setpoint_.due_on_grid(now, setpoint_period), protocol_.due_utime(now), due()});
@@ -355,7 +326,7 @@ Utime BroadcastNode::step(Utime now, Outbox& outbox) {
 void BroadcastNode::announce(Utime now, Outbox& outbox) {
   announcement_t message = protocol_.state();
   message.header = announcement_headers_.next(now);
-  said_[static_cast<std::size_t>(message.header.seq) % said_.size()] = message.header.utime;
+  identity_.said(message.header);
   if (const auto link = links_.find(told_about(message.header)); link != links_.end()) {
     const auto delay = link->second.clock.least_delay();
     if (delay) message.least_delay_us = static_cast<std::int32_t>(delay->count());
@@ -397,12 +368,12 @@ void BroadcastNode::publish_status(Utime now, Outbox& outbox) {
   using sogm_swarm::broadcast_status_t;
   broadcast_status_t status{};
   status.header = status_headers_.next(now);
-  status.state = !motion()               ? broadcast_status_t::kNoState
-                 : store_fails_          ? broadcast_status_t::kNoStorage
-                 : has_twin(now)         ? broadcast_status_t::kTwin
-                 : !clocks_agree(now)    ? broadcast_status_t::kClock
-                 : !protocol_.all_hear() ? broadcast_status_t::kWaiting
-                                         : broadcast_status_t::kFlying;
+  status.state = !motion()                 ? broadcast_status_t::kNoState
+                 : store_fails_            ? broadcast_status_t::kNoStorage
+                 : identity_.has_twin(now) ? broadcast_status_t::kTwin
+                 : !clocks_agree(now)      ? broadcast_status_t::kClock
+                 : !protocol_.all_hear()   ? broadcast_status_t::kWaiting
+                                           : broadcast_status_t::kFlying;
   status.candidates = candidates_;
   status.commits = protocol_.commits();
   status.forced = protocol_.forced();

@@ -16,6 +16,7 @@
 #include "lcmtypes/bus/recurring.h"
 #include "planner_daemon/coordination/clock_offset.h"
 #include "planner_daemon/coordination/commit_protocol.h"
+#include "planner_daemon/coordination/identity.h"
 #include "planner_daemon/coordination/promise_store.h"
 
 namespace swarm {
@@ -81,14 +82,8 @@ class BroadcastNode : public Node {
   // of few peers at once. The rest waits until after the setpoint.
   void judge_peers(Utime now, Outbox& outbox);
   Utime judge_due(Utime now, Link& link) const;  // kNever: nothing waits
-  // A peer tells that it knows a later start of this robot than this one.
-  void outdo(Utime now, std::int32_t boot);
+  void set_boot(std::int32_t boot);
   Refusal on_own(Utime now, std::span<const std::uint8_t> bytes);
-  // Whether an announcement under this robot's own id is not this node's, nor an earlier start's: a copied memory card,
-  // a wrong id, a second set of daemons. Then nothing is committed until 2 s after the last one.
-  bool is_of_twin(Utime now, const sogm_swarm::header_t& header);
-  void beware_of_twin(Utime now, std::int32_t its_boot);
-  bool has_twin(Utime now) const { return now < twin_until_; }
   TimeWindow window(Utime now) const;  // how old messages of the robot itself may be, and how far ahead
   // What is wrong with a candidate as a motion of this robot.
   Rejection examine(Utime now, const Trajectory& candidate) const;
@@ -109,6 +104,7 @@ class BroadcastNode : public Node {
   KeptPromise kept_;
   HeaderSource announcement_headers_, setpoint_headers_, status_headers_, promise_headers_;
   CommitProtocol protocol_;
+  Identity identity_;
   RefusalCounts refused_;
   std::array<std::int32_t, kNumRejections> rejected_{};
   std::vector<int> places_;    // ids of all robots that fly, ascending
@@ -117,14 +113,10 @@ class BroadcastNode : public Node {
   double yaw_rad_ = 0.0;
   bool store_fails_ = false;
 
-  Duration gap_{};                         // between announcements on average, at least: two may go at once
-  Utime news_may_go_{};                    // no earlier
-  Utime clock_doubt_until_{};              // a peer's message came from the future, or its clock was found wrong
-  bool clock_is_stepped_ = false;          // the wall clock, which is followed when the robot rests
-  std::optional<Utime> began_;             // this node, by its clock
-  std::array<std::int64_t, 1024> said_{};  // header.utime of the newest announcements, by header.seq
-  int outdone_ = 0;                        // starts
-  Utime twin_until_{}, silent_until_{};
+  Duration gap_{};                 // between announcements on average, at least: two may go at once
+  Utime news_may_go_{};            // no earlier
+  Utime clock_doubt_until_{};      // a peer's message came from the future, or its clock was found wrong
+  bool clock_is_stepped_ = false;  // the wall clock, which is followed when the robot rests
   bool has_news_ = false;
   Recurring news_, announcement_, setpoint_, status_;
   std::int32_t candidates_ = 0;
