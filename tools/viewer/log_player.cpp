@@ -47,6 +47,7 @@ LogIndex::LogIndex(const std::vector<std::string>& paths) : paths_(paths) {
 
 LogPlayer::LogPlayer(const LogIndex& index) : index_(index) {
   for (const std::string& path : index.paths()) logs_.emplace_back(path);
+  picture_.keep_maps_of(-1);
   shown_ = index.begin_utime();
   set_from(index.begin_utime());
 }
@@ -83,6 +84,11 @@ void LogPlayer::go_back_to(Utime utime) {
   }
   std::sort(newest.begin(), newest.end());
   for (const std::uint32_t entry : newest) feed(entry);
+}
+
+void LogPlayer::select(int robot) {
+  picture_.keep_maps_of(robot);
+  go_back_to(shown_);
 }
 
 PictureSource::Moment LogPlayer::now() {

@@ -48,6 +48,7 @@ class LogPlayer : public PictureSource {
 
   Moment now() override;
   Json describe() override;
+  void select(int robot) override;
   // {"play": bool}, {"seek": s after the beginning}, {"speed": [0.01, 100]}.
   void control(const Json& command) override;
 

@@ -154,7 +154,7 @@ Json robots_json(const SwarmPicture& picture, Utime now, FrameWriter* writer) {
     if (robot.map) json["map"] = map_json(*robot.map);
     if (robot.broadcast) json["broadcast"] = broadcast_json(*robot.broadcast);
     json["traffic"] = traffic_json(robot, now);
-    json["has_sogm"] = robot.sogm.num_frames > 0;
+    json["has_sogm"] = robot.has_maps;
     all.push_back(std::move(json));
   }
   return all;

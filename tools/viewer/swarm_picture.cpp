@@ -73,6 +73,21 @@ Refusal RobotPicture::keep(const sogm_t& part, bool was_silent) {
   return assembly.refusal == Refusal::kSequence ? Refusal::kNone : assembly.refusal;
 }
 
+void SwarmPicture::clear() {
+  const std::optional<int> maps_of = maps_of_;
+  *this = SwarmPicture();
+  maps_of_ = maps_of;
+}
+
+void SwarmPicture::keep_maps_of(int robot) {
+  maps_of_ = robot;
+  for (auto& [id, picture] : robots_) {
+    if (keeps_maps_of(id)) continue;
+    picture.sogm = Sogm();
+    picture.assembler_.reset();
+  }
+}
+
 template <class T>
 Refusal SwarmPicture::take(Utime now, std::string_view channel, const T& message) {
   const int id = message.header.robot_id;
@@ -85,7 +100,10 @@ Refusal SwarmPicture::take(Utime now, std::string_view channel, const T& message
   if (is_news) traffic.count(now, message.header);
   newest_utime_ = to_utime(message.header.utime);
   newest_came_ = now;
-  if constexpr (std::is_same_v<T, sogm_t>) return robot.keep(message, was_silent);
+  if constexpr (std::is_same_v<T, sogm_t>) {
+    robot.has_maps = true;
+    return keeps_maps_of(id) ? robot.keep(message, was_silent) : Refusal::kNone;
+  }
   if constexpr (std::is_same_v<T, announcement_t>) robot.keep(now, message);
   if constexpr (std::is_same_v<T, robot_state_t>) robot.state = message;
   if constexpr (std::is_same_v<T, goal_t>) robot.goal = message;

@@ -52,7 +52,8 @@ struct RobotPicture {
   std::optional<sogm_swarm::map_status_t> map;
   std::optional<sogm_swarm::planner_status_t> planner;
   std::optional<sogm_swarm::broadcast_status_t> broadcast;
-  Sogm sogm;                  // no frames: none came whole yet
+  bool has_maps = false;      // some part of one came
+  Sogm sogm;                  // no frames: none came whole yet, or they are not kept
   std::int64_t num_maps = 0;  // that came whole
 
   // Where it is: measured, or else by what it flies. Nothing: not known.
@@ -75,7 +76,9 @@ class SwarmPicture {
   // One message of any channel; of channels that are none of ours nothing is kept. Refusals are
   // counted; what comes twice or late is none.
   Refusal add(Utime now, std::string_view channel, std::span<const std::uint8_t> bytes);
-  void clear() { *this = SwarmPicture(); }
+  void clear();
+  // Of one robot maps are put together and kept, which takes megabytes; -1: of none. Before it is called, of all.
+  void keep_maps_of(int robot);
 
   const std::map<int, RobotPicture>& robots() const { return robots_; }
   // Obstacles that were told of within the last second, by whoever told last, moved on to `now`.
@@ -90,7 +93,10 @@ class SwarmPicture {
   template <class T>
   Refusal take(Utime now, std::string_view channel, const T& message);
 
+  bool keeps_maps_of(int robot) const { return !maps_of_ || *maps_of_ == robot; }
+
   std::map<int, RobotPicture> robots_;
+  std::optional<int> maps_of_;  // none: of all
   std::int64_t messages_ = 0;
   Utime newest_utime_{}, newest_came_{};
   RefusalCounts refused_;

@@ -20,7 +20,10 @@ void Viewer::on_message(std::string_view text) {
 
 void Viewer::obey(const Json& command) {
   Json others = command;
-  if (command.contains("select")) selected_ = command["select"].is_null() ? -1 : command["select"].get<int>();
+  if (command.contains("select")) {
+    selected_ = command["select"].is_null() ? -1 : command["select"].get<int>();
+    source_->select(selected_);
+  }
   if (command.contains("frame")) frame_ = command["frame"].get<int>();
   if (others.erase("select") + others.erase("frame") > 0) sogm_sent_ = corridors_sent_ = -1;
   if (!others.empty()) source_->control(others);
@@ -43,7 +46,8 @@ void Viewer::next_frame(std::vector<std::uint8_t>* bytes) {
   if (const auto found = picture.robots().find(selected_); found != picture.robots().end()) {
     const RobotPicture& robot = found->second;
     text["selected"] = selected_;
-    if (robot.num_maps != sogm_sent_) text["sogm"] = sogm_json(robot.sogm, frame_, &writer_);
+    if (robot.num_maps != sogm_sent_ && robot.sogm.num_frames > 0)
+      text["sogm"] = sogm_json(robot.sogm, frame_, &writer_);
     sogm_sent_ = robot.num_maps;
     const std::int64_t corridors = robot.corridors ? robot.corridors->header.seq : 0;
     if (corridors != corridors_sent_) text["corridors"] = corridors_json(robot, &writer_);

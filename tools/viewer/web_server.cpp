@@ -20,7 +20,7 @@ namespace websocket = beast::websocket;
 using asio::ip::tcp;
 using beast::error_code;
 using Request = http::request<http::string_body>;
-using Response = http::response<http::string_body>;
+using Response = http::response<http::span_body<const char>>;  // of what lives as long as the server
 
 constexpr Duration kPatience = 20s;   // with a silent browser
 constexpr int kSendBuffer = 1 << 17;  // bytes, of the kernel: what waits there is late
@@ -46,6 +46,10 @@ bool is_plain_host(std::string_view host) {
 }
 
 std::string_view view_of(beast::string_view text) {
+  return {text.data(), text.size()};
+}
+
+beast::span<const char> span_of(std::string_view text) {
   return {text.data(), text.size()};
 }
 
@@ -216,19 +220,19 @@ Response WebServer::Impl::answer(const Request& request) const {
   const auto file = files_.find(path);
   if (!is_plain_host(view_of(request[http::field::host]))) {
     response.result(http::status::forbidden);
-    response.body() = "Open this page by the computer's IP address or as localhost.\n";
+    response.body() = span_of("Open this page by the computer's IP address or as localhost.\n");
   } else if (path == "/stream") {
     response.result(http::status::forbidden);
-    response.body() = "The stream is for this server's own page.\n";
+    response.body() = span_of("The stream is for this server's own page.\n");
   } else if (request.method() != http::verb::get && request.method() != http::verb::head) {
     response.result(http::status::method_not_allowed);
-    response.body() = "Only GET and HEAD.\n";
+    response.body() = span_of("Only GET and HEAD.\n");
   } else if (file == files_.end()) {
     response.result(http::status::not_found);
-    response.body() = "There is no such page.\n";
+    response.body() = span_of("There is no such page.\n");
   } else {
     response.set(http::field::content_type, file->second.type);
-    if (request.method() == http::verb::get) response.body() = file->second.content;
+    if (request.method() == http::verb::get) response.body() = span_of(file->second.content);
   }
   response.prepare_payload();
   return response;
