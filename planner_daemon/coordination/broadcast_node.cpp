@@ -163,7 +163,9 @@ Rejection BroadcastNode::examine(Utime now, const Trajectory& candidate) const {
       (branch.acceleration - first.acceleration).norm() > 1e-2) {
     return Rejection::kDiscontinuous;
   }
-  for (Utime t = start; t < candidate.end_utime(); t += 10ms) {
+  // Short pieces are looked at between their knots as well: they may be at rest there, and fast in between.
+  const Duration step = std::min<Duration>(10ms, candidate.piece() / 8);
+  for (Utime t = start; t < candidate.end_utime(); t += step) {
     const MotionState state = candidate.at(t);
     if (state.velocity.cwiseAbs().maxCoeff() > 1.01 * config_.v_max_mps ||
         state.acceleration.cwiseAbs().maxCoeff() > 1.01 * config_.a_max_mps2) {

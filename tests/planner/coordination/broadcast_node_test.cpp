@@ -190,6 +190,9 @@ TEST(BroadcastNode, RejectsCandidatesByReason) {
   expect_rejected(robot, Rejection::kDiscontinuous, with_first_knot(none, none, {1.2e-2, 0, 0}));
   expect_rejected(robot, Rejection::kLimits, robot.plan({0, 4, 1}, 0.1, 3.0));     // 2.5 m/s, 2.6 m/s^2
   expect_rejected(robot, Rejection::kLimits, robot.plan({0, 0, 1.7}, 0.1, 0.75));  // 1.75 m/s, 7.2 m/s^2
+  const Utime soon = robot.now + 100ms;
+  const Trajectory leap = quintic_to(robot.node.motion()->at(soon), soon, {1, 0, 1}, 0.01, 1);
+  expect_rejected(robot, Rejection::kLimits, leap);  // 188 m/s, but at rest at both knots
   robot.peers.at(1).committed = Trajectory::hover(2, kStart, {10, 0, 1});
   robot.hear(1);
   expect_rejected(robot, Rejection::kConflict, robot.plan({9.7, 0, 1}, 0.1, 9.8));
