@@ -53,8 +53,7 @@ StaticMap::StaticMap(const octomap::OcTree& tree, const std::string& path, doubl
     const Eigen::Array3i first = (box.first - low).cast<int>(), last = (box.last - low).cast<int>();
     for (int x = first.x(); x <= last.x(); ++x) {
       for (int y = first.y(); y <= last.y(); ++y) {
-        std::uint64_t* column = grid_.column(0, x, y);
-        for (int z = first.z(); z <= last.z(); ++z) column[z >> 6] |= std::uint64_t{1} << (z & 63);
+        set_run(first.z(), last.z(), geometry.size.z(), grid_.column(0, x, y));
       }
     }
   }
