@@ -64,6 +64,9 @@ double most_laborious_m() {
 class Flooded : public ::testing::Test {
  protected:
   void SetUp() override {
+#ifdef __SANITIZE_ADDRESS__
+    GTEST_SKIP() << "the sanitizers take many times the time that the daemon has";
+#endif
     const std::string key = write_text(directory_ / "key", SwarmKeys::fresh());
     std::filesystem::permissions(key, std::filesystem::perms::owner_read);
     std::vector<std::string> words = {"broadcast_daemon"};
@@ -91,7 +94,9 @@ class Flooded : public ::testing::Test {
     ASSERT_FALSE(setpoints_.empty()) << program_->err();
   }
 
-  static Utime now() { return wall_utime(); }
+  static Utime now() {
+    return wall_utime();
+  }
 
   // Between two setpoints, by the daemon's clock, at most, while `send` is called `rate_hz` times a second.
   Duration longest_gap(int rate_hz, const std::function<void()>& send) {
