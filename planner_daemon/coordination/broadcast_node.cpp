@@ -266,7 +266,7 @@ bool BroadcastNode::on_clock_step(Utime now, Duration step) {
   clock_is_stepped_ = step != 0us && !rests;
   if (step == 0us || !rests) return rests;
   const Utime then = now + step;
-  identity_.begin(then);
+  identity_.set_clock(then, step);
   for (auto& [id, link] : links_) {  // what they differed by is not what they differ by
     link.clock = ClockOffset();
     link.heard += step;

@@ -19,6 +19,12 @@ void Identity::advance(Utime now) {
   if (!began_) began_ = now;
 }
 
+void Identity::set_clock(Utime now, Duration step) {
+  began_ = now;
+  twin_until_ += step;
+  silent_until_ += step;
+}
+
 void Identity::said(const sogm_swarm::header_t& header) {
   said_[static_cast<std::size_t>(header.seq) % said_.size()] = header.utime;
 }
@@ -44,7 +50,7 @@ bool Identity::outdo(Utime now, std::int32_t its_boot, bool has_flown) {
   ++num_outdone_;
   spdlog::warn("peers know a later start of robot {}: this is not start {}, but {}", robot_id_, boot_, its_boot + 1);
   boot_ = its_boot + 1;
-  begin(now);
+  began_ = now;  // what was said before is not another one's
   return true;
 }
 

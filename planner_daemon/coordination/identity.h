@@ -19,8 +19,9 @@ class Identity {
   std::int32_t boot() const { return boot_; }  // grows at every start
   // Before anything else of a step. No time is held to that the clock, set back since, has not come to.
   void advance(Utime now);
-  // What was said before `now` is not another one's: the clock is another one from here on.
-  void begin(Utime now) { began_ = now; }
+  // It is `now` by another clock, which is ahead of the one before by `step`. What was said before is not another
+  // one's.
+  void set_clock(Utime now, Duration step);
   // Of an announcement of this node.
   void said(const sogm_swarm::header_t& header);
 

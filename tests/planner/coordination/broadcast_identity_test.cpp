@@ -103,5 +103,20 @@ TEST(BroadcastIdentity, OfTwoOnOneBusTheOlderLeadsTheRobot) {
   }
 }
 
+// For as long as it would have been by the old clock.
+TEST(BroadcastIdentity, ATwinIsForgottenInTimeWhereTheClockIsSetBack) {
+  Robot robot(1);
+  robot.run_for(1.0);
+  Peer twin{1, Trajectory::hover(1, kStart, {3, 3, 1})};
+  twin.boot = kBoot - 1;
+  robot.send(channel::kOwnTrajectory, twin.message(robot.now, 1));
+  robot.run_for(1.9);
+  const int setpoints = robot.out.count(channel::kSetpoint);
+  robot.wall_ahead = -5s;
+  robot.step();
+  robot.run_for(0.2);
+  EXPECT_NEAR(robot.out.count(channel::kSetpoint) - setpoints, 10, 2);
+}
+
 }  // namespace
 }  // namespace swarm::test
