@@ -11,12 +11,7 @@ constexpr Duration kStaticHeuristicAge = 250ms, kSpaceTimeHeuristicAge = 75ms;
 constexpr Duration kAtGoalAge = 1s;  // of the static heuristic, which leads nowhere there
 constexpr double kAtGoal_m = 0.1;
 constexpr double kAhead_m = 1.0;  // of the static way that is followed out of a local minimum
-constexpr Duration kClearStep = 20ms;
-constexpr int kApproach = 3;           // the last pieces of a plan
-constexpr double kKeepBonus_s = 0.05;  // of the motion already flown where the search got stuck
-constexpr double kGraze = 0.2;         // a violation so small, or so far ahead, is not worth giving up a plan
-constexpr double kTie = 1e-9;          // in danger, of two that violate alike the own motion stays
-constexpr double kWorthwhile = 3.0;    // an escape must violate so much less to be worth its rough flight
+constexpr int kApproach = 3;      // the last pieces of a plan
 
 // A plan leaves the own motion between two knots, where speed may still rise a little: some is kept for that.
 PlannerConfig with_reserve(PlannerConfig config) {
@@ -108,7 +103,7 @@ const PlanResult& Planner::plan(const PlanRequest& request) {
   } else if (path_.settled && space_.first_blocked(request.own, request.start_utime) == kNever) {
     add_own_motion(request, 0.0);
   }
-  choose();
+  take_best();
   lap(PlanStep::kCheck);
   return result_;
 }
@@ -166,6 +161,7 @@ void Planner::forget() {
   static_key_ = space_time_key_ = voxel_ways_key_ = CacheKey();
   local_minimum_ = LocalMinimum();
   searches_finer_ = path_.settled = false;
+  result_.fly = result_.is_unreachable = false;
 }
 
 // What stands still changes slowly.
@@ -372,22 +368,9 @@ void Planner::add_escape(const PlanRequest& request) {
   candidates_.push_back({Candidate::Kind::kEscape, to_trajectory(escape_path_, escape_piece_, request.start_utime)});
   for (Candidate& candidate : candidates_)
     candidate.violation_cost = escape_search_.violation_cost({candidate.trajectory, {}});
-  add_own_motion(request, keeps_clear(request) ? 0.0 : escape_search_.violation_cost(request.own));
-}
-
-// No obstacle blocks the own motion, and no peer is bound to meet it: what a peer merely plans it cannot commit.
-bool Planner::keeps_clear(const PlanRequest& request) const {
-  const Sogm& sogm = *request.sogm;
-  const Utime until = std::max(sogm.end_utime(), request.own.end_utime());
-  for (Utime t = request.start_utime; t < until; t += kClearStep) {
-    const Eigen::Vector3d place = request.own.at(t).position;
-    const Eigen::Vector3d middle = sogm.geometry.center_of(sogm.geometry.voxel_of(place));  // free space is of voxels
-    if (touches(sogm, sogm.frame_at(t), middle, config_.space.blocked_m())) return false;
-    for (const Peer& peer : *request.peers) {
-      if ((peer.motion.at(t).position - place).norm() < config_.space.blocked_m() + peer.radius_m) return false;
-    }
-  }
-  return true;
+  const bool is_clear =
+      keeps_clear(request.own, *request.sogm, *request.peers, config_.space.blocked_m(), request.start_utime);
+  add_own_motion(request, is_clear ? 0.0 : escape_search_.violation_cost(request.own));
 }
 
 void Planner::add_own_motion(const PlanRequest& request, double violation_cost) {
@@ -395,25 +378,10 @@ void Planner::add_own_motion(const PlanRequest& request, double violation_cost) 
   candidates_.push_back({Candidate::Kind::kOwn, {}, violation_cost, search_.time_to_goal(end)});
 }
 
-// The policy. An escape flies roughly, so it must violate much less than what was planned. The own motion stays where
-// it violates less than that. In danger nothing else counts. Else a path that is found to graze something between the
-// search's samples counts as free; and a search that got stuck is not followed where the own motion, no less free, ends
-// nearer to the goal: an earlier search knew better.
-void Planner::choose() {
-  const Candidate* planned = &candidates_.front();
-  for (const Candidate& other : candidates_) {
-    if (other.kind == Candidate::Kind::kEscape && other.violation_cost + kWorthwhile < planned->violation_cost)
-      planned = &other;
-  }
+void Planner::take_best() {
   const bool in_danger = path_.left_blocked || result_.search_status == SearchStatus::kPartial;
-  const double graze = in_danger ? -kTie : kGraze;
-  result_.fly = true;
-  for (const Candidate& own : candidates_) {
-    if (own.kind != Candidate::Kind::kOwn) continue;
-    const bool is_nearer = path_.settled && !in_danger && own.violation_cost <= planned->violation_cost &&
-                           own.time_to_goal_s < planned->time_to_goal_s + kKeepBonus_s;
-    result_.fly = own.violation_cost + graze >= planned->violation_cost && !is_nearer;
-  }
+  const auto [planned, fly] = choose(candidates_, {in_danger, path_.settled});
+  result_.fly = fly;
   result_.trajectory = planned->trajectory;
   if (planned->kind == Candidate::Kind::kEscape) result_.corridors.clear();  // they are of the searched path
   result_.outcome = planned->kind == Candidate::Kind::kSmooth ? PlanOutcome::kSmooth

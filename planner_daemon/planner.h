@@ -10,6 +10,7 @@
 
 #include "lcmtypes/bus/node_clock.h"
 #include "map_daemon/sogm.h"
+#include "planner_daemon/candidate.h"
 #include "planner_daemon/corridor/corridor.h"
 #include "planner_daemon/guidance/guidance.h"
 #include "planner_daemon/optimize/spline_qp.h"
@@ -64,21 +65,6 @@ struct PlanResult {
   double prepare_ms = 0.0;                      // wall time of the newest prepare() or work_out_ways()
 
   double total_ms() const { return std::accumulate(step_ms.begin(), step_ms.end(), 0.0); }
-};
-
-// What could be flown next.
-struct Candidate {
-  enum class Kind {
-    kSmooth,   // the optimised trajectory
-    kRaw,      // the search's own path
-    kBlocked,  // the same, but it is not free all the way, or passes the limits
-    kEscape,   // what violates least, in pieces of half the duration
-    kOwn,      // the motion already flown
-  };
-  Kind kind;
-  Trajectory trajectory;        // empty for the own motion
-  double violation_cost = 0.0;  // of the blocked space that it passes; 0: free
-  double time_to_goal_s = 0.0;  // from where it ends
 };
 
 class Planner {
@@ -149,8 +135,7 @@ class Planner {
   // Two candidates more: the way out that violates least, and the own motion; and what all of them violate.
   void add_escape(const PlanRequest& request);
   void add_own_motion(const PlanRequest& request, double violation_cost);
-  bool keeps_clear(const PlanRequest& request) const;
-  void choose();
+  void take_best();  // of the candidates
   void lap(PlanStep step);
 
   PlannerConfig config_;

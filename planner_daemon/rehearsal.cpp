@@ -1,6 +1,7 @@
 #include "planner_daemon/rehearsal.h"
 
 #include <array>
+#include <vector>
 
 namespace swarm {
 namespace {
@@ -49,21 +50,22 @@ bool Rehearsal::plan(const Sogm& map, Planner* planner) {
   };
   const Eigen::Vector3d place = in_flight_space(grid.center_of(grid.size / 2));
   const Eigen::Vector3d velocity = limits_.v_max_mps * Eigen::Vector3d(0.7, 0.5, 0.0);
-  world_.reset(grid, map.num_frames, kNow, map.frame_duration);
-  set_pillars(kSpacings[static_cast<std::size_t>(plans_ / kPlansEach)], &world_);
-  peers_.resize(kPeers);
+  Sogm world;
+  world.reset(grid, map.num_frames, kNow, map.frame_duration);
+  set_pillars(kSpacings[static_cast<std::size_t>(plans_ / kPlansEach)], &world);
+  std::vector<Peer> peers(kPeers);
   for (int k = 0; k < kPeers; ++k) {
     const int row = k / 2;
     const Eigen::Vector3d beside = place + Eigen::Vector3d((k % 2 - 0.5) * size.x(), (row - 0.5) * size.y(), 0) / 4;
-    Peer& peer = peers_[static_cast<std::size_t>(k)];
+    Peer& peer = peers[static_cast<std::size_t>(k)];
     peer.motion = {flight(beside, -velocity), {}};
     peer.pending = flight(beside, velocity);
     peer.silent = k == 0;
   }
   const bool hovers = plans_ % kPlansEach == 1;
   PlanRequest request;
-  request.sogm = &world_;
-  request.peers = &peers_;
+  request.sogm = &world;
+  request.peers = &peers;
   request.own = {hovers ? Trajectory::hover(1, kNow - 1s, place) : flight(place, velocity), {}};
   request.start_utime = kNow + 50ms;
   request.goal = hovers ? place : in_flight_space(place + size / 2);

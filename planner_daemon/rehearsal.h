@@ -2,8 +2,6 @@
 // as long as later ones.
 #pragma once
 
-#include <vector>
-
 #include "planner_daemon/planner.h"
 
 namespace swarm {
@@ -21,8 +19,6 @@ class Rehearsal {
  private:
   SearchLimits limits_;
   int plans_ = 0;
-  Sogm world_;
-  std::vector<Peer> peers_;
 };
 
 }  // namespace swarm

@@ -1,5 +1,6 @@
 #include "planner_daemon/space/first_touch.h"
 
+#include <algorithm>
 #include <cmath>
 
 namespace swarm {
@@ -35,6 +36,19 @@ Utime first_touch(const Sogm& sogm, const Motion& motion, double radius_m, Utime
     if (touches(sogm, sogm.frame_at(t), motion.at(t).position, radius_m)) return t;
   }
   return kNever;
+}
+
+bool keeps_clear(const Motion& motion, const Sogm& sogm, const std::vector<Peer>& peers, double blocked_m, Utime from) {
+  const Utime until = std::max(sogm.end_utime(), motion.end_utime());
+  for (Utime t = from; t < until; t += kTouchStep) {
+    const Eigen::Vector3d place = motion.at(t).position;
+    const Eigen::Vector3d middle = sogm.geometry.center_of(sogm.geometry.voxel_of(place));  // free space is of voxels
+    if (touches(sogm, sogm.frame_at(t), middle, blocked_m)) return false;
+    for (const Peer& peer : peers) {
+      if ((peer.motion.at(t).position - place).norm() < blocked_m + peer.radius_m) return false;
+    }
+  }
+  return true;
 }
 
 }  // namespace swarm

@@ -103,46 +103,24 @@ void send_frame(FuzzInput& input, mavlink::Encoder* encoder, Bench* bench) {
 }
 
 }  // namespace
-}  // namespace swarm::fuzz
 
-extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  using namespace swarm;
-  using namespace swarm::fuzz;
-  FuzzInput input(data, size);
+void try_input(FuzzInput input) {
   Bench bench;
   mavlink::Encoder controller({1, 1});
-  Duration total{};
-  while (!input.empty() && total < 30s) {
-    switch (input.byte() % 12) {
-      case 0:
-        bench.deliver_anything(input);
-        break;
-      case 1:
-        bench.set_clock(input);
-        break;
-      case 2:
-        bench.feed(input.part());
-        break;
-      case 3:
-      case 4:
-        send_setpoint(input, &bench);
-        break;
-      case 5:
-      case 6:
-        send_announcement(input, &bench);
-        break;
-      case 7:
-      case 8:
-      case 9:
-        send_frame(input, &controller, &bench);
-        break;
-      default: {
-        const Duration passes = Bench::duration(input);
-        bench.run_for(passes);
-        total += passes;
-      }
+  play(input, 12, 30s, &bench, [&](int number) {
+    if (number == 0) {
+      bench.deliver_anything(input);
+    } else if (number == 2) {
+      bench.feed(input.part());
+    } else if (number <= 4) {
+      send_setpoint(input, &bench);
+    } else if (number <= 6) {
+      send_announcement(input, &bench);
+    } else if (number <= 9) {
+      send_frame(input, &controller, &bench);
     }
-    bench.check();
-  }
-  return 0;
+    return number <= 9;
+  });
 }
+
+}  // namespace swarm::fuzz

@@ -153,7 +153,7 @@ void send_candidate(FuzzInput& input, Bench* bench, std::int32_t seq) {
   const Eigen::Vector3d to = from.position + place(input, 2.0);
   const Duration piece(input.integer(10, 500) * 1000);
   const int pieces = input.integer(1, Trajectory::kMaxPieces);
-  Trajectory planned = quintic_to(from, start, to, piece, pieces, seq);
+  Trajectory planned = test::quintic_to(from, start, to, to_seconds(piece) * pieces, pieces, seq);
   for (int k = 1; k < pieces && what % 16 == 1; ++k) {  // not one quintic
     MotionState knot = planned.knot(k);
     knot.position += place(input, 0.5);
@@ -167,67 +167,43 @@ void send_candidate(FuzzInput& input, Bench* bench, std::int32_t seq) {
   bench->send(BusId::kOnboard, channel::kCandidate, candidate);
 }
 
-}  // namespace
-}  // namespace swarm::fuzz
+// A twin, or an echo of what it said itself.
+void send_own(FuzzInput& input, Bench* bench) {
+  announcement_t message = *bench->own;
+  if (input.flag()) message.header = bench->header(input, Bench::kRobot);
+  const bool onboard = input.flag();
+  bench->send(onboard ? BusId::kOnboard : BusId::kSwarm, onboard ? channel::kOwnTrajectory : channel::kTrajectory,
+              message);
+  bench->allow_silence();
+}
 
-extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  using namespace swarm;
-  using namespace swarm::fuzz;
-  FuzzInput input(data, size);
+}  // namespace
+
+void try_input(FuzzInput input) {
   MemoryPromiseStore store;
   auto bench = std::make_unique<Bench>(store, input.flag() ? to_utime(1'700'000'000'000'000) : Utime(10s));
   Peer peers[2];
   std::int32_t seq = 100;
-  Duration total{};
-  while (!input.empty() && total < 30s) {
-    switch (input.byte() % 16) {
-      case 0:
-        bench->deliver_anything(input);
-        bench->allow_silence();
-        break;
-      case 1:
-        bench->set_clock(input);
-        break;
-      case 2: {  // it crashes, and starts again
-        const Utime now = bench->now;
-        bench = std::make_unique<Bench>(store, now + 100ms);
-        break;
-      }
-      case 3:  // a twin, or an echo of what it said itself
-        if (bench->own) {
-          announcement_t message = *bench->own;
-          if (input.flag()) message.header = bench->header(input, Bench::kRobot);
-          const bool onboard = input.flag();
-          bench->send(onboard ? BusId::kOnboard : BusId::kSwarm,
-                      onboard ? channel::kOwnTrajectory : channel::kTrajectory, message);
-          bench->allow_silence();
-        }
-        break;
-      case 4:
-      case 5:
-        send_state(input, bench.get());
-        break;
-      case 6:
-      case 7:
-      case 8:
-        send_candidate(input, bench.get(), ++seq);
-        break;
-      case 9:
-      case 10:
-      case 11:
-      case 12: {
-        const int place_of_peer = input.flag() ? 1 : 0;
-        const announcement_t message = announcement_of(input, *bench, 2 * place_of_peer, &peers[place_of_peer]);
-        bench->send(BusId::kSwarm, channel::kTrajectory, message);
-        break;
-      }
-      default: {
-        const Duration passes = Bench::duration(input);
-        bench->run_for(passes);
-        total += passes;
-      }
+  play(input, 16, 30s, bench, [&](int number) {
+    if (number == 0) {
+      bench->deliver_anything(input);
+      bench->allow_silence();
+    } else if (number == 2) {  // it crashes, and starts again
+      const Utime now = bench->now;
+      bench = std::make_unique<Bench>(store, now + 100ms);
+    } else if (number == 3) {
+      if (bench->own) send_own(input, bench.get());
+    } else if (number <= 5) {
+      send_state(input, bench.get());
+    } else if (number <= 8) {
+      send_candidate(input, bench.get(), ++seq);
+    } else if (number <= 12) {
+      const int place_of_peer = input.flag() ? 1 : 0;
+      const announcement_t message = announcement_of(input, *bench, 2 * place_of_peer, &peers[place_of_peer]);
+      bench->send(BusId::kSwarm, channel::kTrajectory, message);
     }
-    bench->check();
-  }
-  return 0;
+    return number <= 12;
+  });
 }
+
+}  // namespace swarm::fuzz

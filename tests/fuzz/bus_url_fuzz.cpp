@@ -4,14 +4,14 @@
 #include "lcmtypes/bus/bus_url.h"
 #include "tests/fuzz/fuzz_input.h"
 
-extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  using namespace swarm;
-  using namespace swarm::fuzz;
+namespace swarm::fuzz {
+
+void try_input(FuzzInput input) {
   UdpmUrl url;
   try {
-    url = UdpmUrl::parse(std::string(text_of({data, size})));
+    url = UdpmUrl::parse(std::string(text_of(input.rest())));
   } catch (const std::invalid_argument&) {
-    return 0;
+    return;
   }
   expect(url.port >= 1 && url.port <= 65535 && url.ttl >= 0 && url.ttl <= 255, "port and TTL are within their ranges");
   expect(url.recv_buf_size >= 4096 && url.recv_buf_size <= 1 << 30, "so is the buffer");
@@ -19,5 +19,6 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   expect(again.group == url.group && again.port == url.port && again.ttl == url.ttl &&
              again.recv_buf_size == url.recv_buf_size,
          "it reads back");
-  return 0;
 }
+
+}  // namespace swarm::fuzz

@@ -25,9 +25,6 @@
 #include "lcmtypes/bus/crc32.h"
 #include "lcmtypes/bus/messages.h"
 
-// What libFuzzer and replay.cpp call.
-extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size);
-
 namespace swarm::fuzz {
 
 using Bytes = std::vector<std::uint8_t>;
@@ -78,6 +75,9 @@ class FuzzInput {
  private:
   std::span<const std::uint8_t> left_;
 };
+
+// What a target does with an input: each defines it.
+void try_input(FuzzInput input);
 
 inline std::string_view text_of(std::span<const std::uint8_t> bytes) {
   return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};

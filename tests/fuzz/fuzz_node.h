@@ -18,6 +18,7 @@
 #include "lcmtypes/bus/node.h"
 #include "planner_daemon/trajectory/trajectory.h"
 #include "tests/fuzz/fuzz_input.h"
+#include "tests/support/quintic_to.h"
 
 namespace swarm::fuzz {
 
@@ -146,19 +147,21 @@ class NodeBench : public Outbox {
   std::map<std::pair<BusId, std::string>, std::pair<std::int32_t, std::int64_t>> newest_;
 };
 
-// From `from` at `start` to rest at `to`: one quintic, cut into pieces.
-inline Trajectory quintic_to(const MotionState& from, Utime start, const Eigen::Vector3d& to, Duration piece,
-                             int pieces, std::int32_t seq) {
-  MotionState rest;
-  rest.position = to;
-  const double duration_s = to_seconds(piece) * pieces;
-  const ControlPoints points = quintic_control_points(from, rest, duration_s);
-  Trajectory trajectory(seq, start, piece, pieces);
-  for (int k = 0; k < pieces; ++k)
-    trajectory.set_knot(k, evaluate_bezier(points, duration_s, static_cast<double>(k) / pieces));
-  trajectory.set_knot(0, from);
-  trajectory.set_knot(pieces, rest);
-  return trajectory;
+// Plays an input to a node, for `longest` at most: number 1 of so many `choices` sets the clock, act(number) does the
+// target's own, and where it returns false time passes. Whatever was done, the node is looked at.
+template <class BenchPointer, class Act>
+void play(FuzzInput& input, int choices, Duration longest, const BenchPointer& bench, const Act& act) {
+  for (Duration total{}; !input.empty() && total < longest;) {
+    const int number = input.byte() % choices;
+    if (number == 1) {
+      bench->set_clock(input);
+    } else if (!act(number)) {
+      const Duration passes = bench->duration(input);
+      bench->run_for(passes);
+      total += passes;
+    }
+    bench->check();
+  }
 }
 
 inline Eigen::Vector3d place(FuzzInput& input, double reach_m) {
@@ -174,7 +177,7 @@ inline Trajectory trajectory(FuzzInput& input, Utime start, const Eigen::Vector3
   if (input.byte() % 4 == 0) return Trajectory::hover(seq, start, from);
   MotionState state;
   state.position = from;
-  return quintic_to(state, start, to, piece, pieces, seq);
+  return test::quintic_to(state, start, to, to_seconds(piece) * pieces, pieces, seq);
 }
 
 }  // namespace swarm::fuzz

@@ -3,13 +3,14 @@
 #include "lcmtypes/bus/limits.h"
 #include "tests/fuzz/fuzz_input.h"
 
-extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  using namespace swarm;
-  using namespace swarm::fuzz;
+namespace swarm::fuzz {
+
+void try_input(FuzzInput input) {
   constexpr std::int64_t kHeader = 28;
-  const MemoryFile file({data, size});
+  const auto bytes = input.rest();
+  const MemoryFile file(bytes);
   LcmLog log(file.path());
-  expect(log.size() == static_cast<std::int64_t>(size), "the size is the file's");
+  expect(log.size() == std::ssize(bytes), "the size is the file's");
   std::vector<LogEvent> events;
   std::int64_t in_events = 0, end = 0;
   for (LogEvent event; log.next(&event);) {
@@ -28,5 +29,6 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
                again.bytes == it->bytes,
            "it is there again");
   }
-  return 0;
 }
+
+}  // namespace swarm::fuzz

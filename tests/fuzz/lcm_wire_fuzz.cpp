@@ -59,12 +59,8 @@ void send_whole(FuzzInput& input, std::uint64_t sender, LcmReader* reader) {
 }
 
 }  // namespace
-}  // namespace swarm::fuzz
 
-extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  using namespace swarm;
-  using namespace swarm::fuzz;
-  FuzzInput input(data, size);
+void try_input(FuzzInput input) {
   LcmReader reader;
   while (!input.empty()) {
     const std::uint8_t what = input.byte();
@@ -79,5 +75,6 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       check(reader.read(sender, bytes));
     }
   }
-  return 0;
 }
+
+}  // namespace swarm::fuzz

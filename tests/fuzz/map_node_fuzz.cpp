@@ -130,44 +130,23 @@ class Bench : public NodeBench<Bench, MapNode> {
 };
 
 }  // namespace
-}  // namespace swarm::fuzz
 
-extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  using namespace swarm;
-  using namespace swarm::fuzz;
-  FuzzInput input(data, size);
+void try_input(FuzzInput input) {
   Bench bench(input.flag());
-  Duration total{};
-  while (!input.empty() && total < 10s) {
-    switch (input.byte() % 12) {
-      case 0:
-        bench.forget();
-        bench.deliver_anything(input);
-        bench.forget();
-        break;
-      case 1:
-        bench.set_clock(input);
-        break;
-      case 2:
-      case 3:
-      case 4:
-        bench.send_state(input);
-        break;
-      case 5:
-      case 6:
-      case 7:
-        bench.send_obstacles(input);
-        break;
-      case 8:
-        bench.send_voxels(input);
-        break;
-      default: {
-        const Duration passes = Bench::duration(input);
-        bench.run_for(passes);
-        total += passes;
-      }
+  play(input, 12, 10s, &bench, [&](int number) {
+    if (number == 0) {
+      bench.forget();
+      bench.deliver_anything(input);
+      bench.forget();
+    } else if (number <= 4) {
+      bench.send_state(input);
+    } else if (number <= 7) {
+      bench.send_obstacles(input);
+    } else if (number == 8) {
+      bench.send_voxels(input);
     }
-    bench.check();
-  }
-  return 0;
+    return number <= 8;
+  });
 }
+
+}  // namespace swarm::fuzz

@@ -73,16 +73,13 @@ Message make_message(FuzzInput& input) {
 }
 
 }  // namespace
-}  // namespace swarm::fuzz
 
-extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  using namespace swarm::fuzz;
-  FuzzInput input(data, size);
+void try_input(FuzzInput input) {
   // The pieces that the stream comes in, then messages, then garbage between them.
   const auto pieces = input.part();
-  std::vector<swarm::fuzz::Bytes> stream;
+  std::vector<Bytes> stream;
   Encoder encoder(kSender);
-  std::optional<swarm::fuzz::Bytes> newest;
+  std::optional<Bytes> newest;
   while (!input.empty()) {
     if (input.flag()) {
       const auto part = input.part();
@@ -93,7 +90,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       newest = stream.back();
     }
   }
-  swarm::fuzz::Bytes all;
+  Bytes all;
   for (const auto& part : stream) all.insert(all.end(), part.begin(), part.end());
 
   Reading whole, byte_by_byte, in_pieces;
@@ -111,7 +108,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   // A frame behind it all is found, unless by chance it is inside another one whose checksum is good.
   const std::int64_t frames = whole.parser.frames();
   const auto good = encoder.encode(Attitude{1, 2, 3, 4, 5, 6, 7});
-  swarm::fuzz::Bytes behind(good.begin(), good.end());
+  Bytes behind(good.begin(), good.end());
   behind.resize(behind.size() + 2 * kMaxFrame);
   whole.feed(behind);
   Log wanted;
@@ -124,5 +121,6 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   for (const Skipped reason : {Skipped::kMavlink1, Skipped::kSystem, Skipped::kComponent})
     others += whole.parser.skipped(reason);
   expect(others > 0 && (others > 1 || std::ranges::any_of(whole.log.frames, same)), "no garbage hides a good frame");
-  return 0;
 }
+
+}  // namespace swarm::fuzz

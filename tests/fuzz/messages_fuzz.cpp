@@ -3,10 +3,9 @@
 #include "lcmtypes/bus/validate.h"
 #include "tests/fuzz/fuzz_input.h"
 
-extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  using namespace swarm;
-  using namespace swarm::fuzz;
-  FuzzInput input(data, size);
+namespace swarm::fuzz {
+
+void try_input(FuzzInput input) {
   const std::uint8_t number = input.byte();
   const bool mended = input.flag();
   const auto rest = input.rest();
@@ -24,5 +23,6 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     T cut;
     expect(decode(std::span(bytes).first(bytes.size() - 1), &cut) != Refusal::kNone, "cut short it is refused");
   });
-  return 0;
 }
+
+}  // namespace swarm::fuzz

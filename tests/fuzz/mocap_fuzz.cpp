@@ -44,12 +44,8 @@ std::string make_datagram(FuzzInput& input, double t_s) {
 }
 
 }  // namespace
-}  // namespace swarm::fuzz
 
-extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  using namespace swarm;
-  using namespace swarm::fuzz;
-  FuzzInput input(data, size);
+void try_input(FuzzInput input) {
   MocapConfig config;
   config.robot_id = Bench::kRobot;
   config.body = "robot1";
@@ -59,7 +55,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     try {
       (void)parse_obstacle_rules(config.obstacles);
     } catch (const OptionError&) {
-      return 0;
+      return;
     }
   }
   Bench bench(config);
@@ -73,5 +69,6 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       bench.on_datagram(make_datagram(input, t_s));
     }
   }
-  return 0;
 }
+
+}  // namespace swarm::fuzz

@@ -6,10 +6,9 @@
 #include "map_daemon/static_map.h"
 #include "tests/fuzz/fuzz_input.h"
 
-extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  using namespace swarm;
-  using namespace swarm::fuzz;
-  FuzzInput input(data, size);
+namespace swarm::fuzz {
+
+void try_input(FuzzInput input) {
   const double margin_m = input.real(0.0, 0.5);
   const bool at_own_resolution = input.flag();
   const MemoryFile file(input.rest());
@@ -34,5 +33,6 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     const std::string_view line = error.what();
     expect(line.find(file.path()) != line.npos && line.find('\n') == line.npos, "one line names the file");
   }
-  return 0;
 }
+
+}  // namespace swarm::fuzz

@@ -51,10 +51,10 @@ void check(const Values& values) {
 }  // namespace swarm::fuzz
 
 // The config file, then the words of the command line, one a line.
-extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  using namespace swarm;
-  using namespace swarm::fuzz;
-  FuzzInput input(data, size);
+
+namespace swarm::fuzz {
+
+void try_input(FuzzInput input) {
   const auto config = input.part();
   const MemoryFile file(config);
   std::vector<std::string> words;
@@ -67,11 +67,11 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   try {
     if (parse(words, &values, out) == OptionSet::Parsed::kExit) {
       expect(!out.str().empty(), "something was printed");
-      return 0;
+      return;
     }
   } catch (const OptionError& error) {
     expect(*error.what() != '\0', "it is said why");
-    return 0;
+    return;
   }
   check(values);
   expect(!values.first.empty(), "no argument is missing");
@@ -88,5 +88,6 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
              read.vector == values.vector && read.list == values.list && read.text == values.text &&
              read.checked == values.checked && read.flag == values.flag,
          "as the same values");
-  return 0;
 }
+
+}  // namespace swarm::fuzz

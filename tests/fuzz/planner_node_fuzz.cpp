@@ -141,8 +141,7 @@ class Bench : public NodeBench<Bench, PlannerNode> {
       const int x0 = first.x() + moves * frame;
       for (int x = x0; x < std::min(x0 + width, grid.size.x()); ++x) {
         for (int y = first.y(); y < std::min(first.y() + width, grid.size.y()); ++y) {
-          for (int k = z; k < std::min(z + height, grid.size.z()); ++k)
-            map_.column(frame, x, y)[k / 64] |= std::uint64_t{1} << k % 64;
+          set_run(z, z + height - 1, grid.size.z(), map_.column(frame, x, y));
         }
       }
     }
@@ -158,48 +157,26 @@ class Bench : public NodeBench<Bench, PlannerNode> {
 };
 
 }  // namespace
-}  // namespace swarm::fuzz
 
-extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  using namespace swarm;
-  using namespace swarm::fuzz;
-  FuzzInput input(data, size);
+void try_input(FuzzInput input) {
+  constexpr int kMostMessages = 64;  // plans take their time
   Bench bench;
-  Duration total{};
-  for (int messages = 0; !input.empty() && messages < 64 && total < 10s; ++messages) {
-    switch (input.byte() % 16) {
-      case 0:
-        bench.anything(input);
-        break;
-      case 1:
-        bench.set_clock(input);
-        break;
-      case 2:
-      case 3:
-      case 4:
-        bench.send_own(input);
-        break;
-      case 5:
-      case 6:
-        bench.send_peer(input);
-        break;
-      case 7:
-      case 8:
-        bench.send_goal(input);
-        break;
-      case 9:
-      case 10:
-      case 11:
-      case 12:
-        bench.send_map(input);
-        break;
-      default: {
-        const Duration passes = Bench::duration(input);
-        bench.run_for(passes);
-        total += passes;
-      }
+  int messages = 0;
+  play(input, 16, 10s, &bench, [&](int number) {
+    if (++messages == kMostMessages) (void)input.rest();
+    if (number == 0) {
+      bench.anything(input);
+    } else if (number <= 4) {
+      bench.send_own(input);
+    } else if (number <= 6) {
+      bench.send_peer(input);
+    } else if (number <= 8) {
+      bench.send_goal(input);
+    } else if (number <= 12) {
+      bench.send_map(input);
     }
-    bench.check();
-  }
-  return 0;
+    return number <= 12;
+  });
 }
+
+}  // namespace swarm::fuzz

@@ -34,12 +34,8 @@ class Bench : public NodeBench<Bench, BroadcastNode> {
 };
 
 }  // namespace
-}  // namespace swarm::fuzz
 
-extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  using namespace swarm;
-  using namespace swarm::fuzz;
-  FuzzInput input(data, size);
+void try_input(FuzzInput input) {
   const auto place_of_robot = place(input, 5.0);
   const int delay_ms = input.integer(0, 2000);
   PromiseStore::Copies copies;
@@ -66,5 +62,6 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   // It starts again, and knows more than before.
   const KeptPromise then = load_promise(store, Bench::kRobot, 7);
   expect(then.boot > kept.boot && then.motion, "the next start goes on from this one");
-  return 0;
 }
+
+}  // namespace swarm::fuzz

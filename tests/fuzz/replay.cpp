@@ -61,7 +61,7 @@ int run(const std::filesystem::path& directory) {
   for (const auto& file : files) {
     std::fprintf(stderr, "%s\n", file.c_str());  // the last one is at fault
     corpus.push_back(read(file));
-    LLVMFuzzerTestOneInput(corpus.back().data(), corpus.back().size());
+    try_input({corpus.back().data(), corpus.back().size()});
   }
   std::mt19937 random(1);
   const auto begun = std::chrono::steady_clock::now();
@@ -71,7 +71,7 @@ int run(const std::filesystem::path& directory) {
     mutate(random, &bytes);
     // The same number is the same mutation again.
     std::fprintf(stderr, "mutation %d\n", mutants);
-    LLVMFuzzerTestOneInput(bytes.data(), bytes.size());
+    try_input({bytes.data(), bytes.size()});
   }
   std::printf("%zu files and %d mutations\n", corpus.size(), mutants);
   return 0;

@@ -63,14 +63,13 @@ void check_key_file(std::span<const std::uint8_t> bytes) {
 }
 
 }  // namespace
-}  // namespace swarm::fuzz
 
-extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  swarm::fuzz::FuzzInput input(data, size);
+void try_input(FuzzInput input) {
   if (input.flag()) {
     swarm::fuzz::check_message(input);
   } else {
     swarm::fuzz::check_key_file(input.rest());
   }
-  return 0;
 }
+
+}  // namespace swarm::fuzz

@@ -125,12 +125,8 @@ void add_made_up(FuzzInput& input, HeaderSource* headers, Receiver* receiver) {
 }
 
 }  // namespace
-}  // namespace swarm::fuzz
 
-extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  using namespace swarm;
-  using namespace swarm::fuzz;
-  FuzzInput input(data, size);
+void try_input(FuzzInput input) {
   HeaderSource headers(1, 1);
   Receiver receiver;
   while (!input.empty()) {
@@ -150,5 +146,6 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         add_made_up(input, &headers, &receiver);
     }
   }
-  return 0;
 }
+
+}  // namespace swarm::fuzz

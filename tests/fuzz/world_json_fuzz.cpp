@@ -2,20 +2,21 @@
 #include "swarm_sim/world/world_json.h"
 #include "tests/fuzz/fuzz_input.h"
 
-extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  using namespace swarm;
-  using namespace swarm::fuzz;
-  const std::string text(text_of({data, size}));
+namespace swarm::fuzz {
+
+void try_input(FuzzInput input) {
+  const std::string text(text_of(input.rest()));
   World world;
   try {
     world = parse_world(text, "source", ".");
   } catch (const WorldError& error) {
     const std::string_view line = error.what();
     expect(line.starts_with("source") && line.find('\n') == line.npos, "one line names the source");
-    return 0;
+    return;
   }
   const std::string written = to_json_text(world, ".");
   const World again = parse_world(written, "written", ".");
   expect(to_json_text(again, ".") == written, "it reads back as the same world");
-  return 0;
 }
+
+}  // namespace swarm::fuzz

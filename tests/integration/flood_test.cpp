@@ -148,7 +148,7 @@ TEST_F(Flooded, ByStrangers) {
 TEST_F(Flooded, ByAPeer) {
   Peer peer{1, Trajectory::hover(1, now(), {3, 0, 1})};
   const double laborious_m = most_laborious_m();
-  expect_steady_setpoints(5'000, [&] {
+  expect_steady_setpoints(20'000, [&] {
     const auto seq = static_cast<std::int32_t>(peer.seq + 1);
     peer.pends(around(seq, now() + 100ms, laborious_m), now());
     (void)swarm_->publish(channel::kTrajectory, encoded(peer.message(now(), 0)));

@@ -1,5 +1,4 @@
-// The real thing: LCM over multicast that never leaves this computer (ttl=0), between objects and between processes,
-// and the real-time host with a toy node.
+// The real thing: LCM over multicast that never leaves this computer (ttl=0), between objects and between processes.
 #include "lcmtypes/bus/lcm_bus.h"
 
 #include <gtest/gtest.h>
@@ -22,39 +21,10 @@
 #include <utility>
 #include <vector>
 
-#include "lcmtypes/bus/realtime_host.h"
+#include "tests/support/lcm_bus_fixture.h"
 
-namespace swarm {
+namespace swarm::test {
 namespace {
-
-using Clock = std::chrono::steady_clock;
-using Bytes = std::vector<std::uint8_t>;
-
-// Buses of their own for each test process; several test runs may share the computer.
-std::string test_url(int index, const std::string& more = "") {
-  const int port = 20000 + (static_cast<int>(::getpid()) * 8 + index) % 40000;
-  return "udpm://239.255.76.67:" + std::to_string(port) + "?ttl=0" + more;
-}
-
-bool wait_until(LcmBus& bus, const std::function<bool()>& done, Duration limit = 5s) {
-  for (const auto end = Clock::now() + limit; !done() && Clock::now() < end;) {
-    if (bus.drain() == 0) std::this_thread::sleep_for(1ms);
-  }
-  return done();
-}
-
-// Where the computer has no multicast at all there is nothing to try; any other failure is one.
-class LcmBusTest : public testing::Test {
- protected:
-  void SetUp() override {
-    try {
-      LcmBus bus(test_url(0));
-    } catch (const std::runtime_error& error) {
-      if (std::string(error.what()).find("ip route add") != std::string::npos) GTEST_SKIP() << error.what();
-      throw;
-    }
-  }
-};
 
 std::string url_error(const std::string& url) {
   try {
@@ -300,161 +270,5 @@ TEST_F(LcmBusTest, SpeaksWithLiblcm) {
   EXPECT_TRUE(at_plain == sent);
 }
 
-// --- The real-time host. ---------------------------------------------------------------------------------------------
-
-// Answers PING on the bus it came from, and ticks every 20 ms.
-class ToyNode : public Node {
- public:
-  std::vector<Subscription> subscriptions() const override {
-    return {{BusId::kOnboard, "PING"}, {BusId::kSwarm, "PING"}};
-  }
-  void on_message(Utime, BusId bus, std::string_view, std::span<const std::uint8_t> bytes, Outbox& outbox) override {
-    outbox.publish_bytes(bus, "PONG", bytes);
-  }
-  Utime step(Utime now, Outbox& outbox) override {
-    if (now >= next_) {
-      outbox.publish_bytes(BusId::kOnboard, "TICK", Bytes{1});
-      next_ = now + 20ms;
-    }
-    return next_;
-  }
-
- private:
-  Utime next_{};
-};
-
-int toy_main(const std::vector<std::string>& words, bool node_fails = false) {
-  std::vector<const char*> argv{"toy"};
-  for (const std::string& word : words) argv.push_back(word.c_str());
-  int speed = 1;
-  return daemon_main(
-      "toy", "A toy.", static_cast<int>(argv.size()), argv.data(), DaemonBuses::kOnboardAndSwarm,
-      [&](OptionSet& options) { options.add("speed", &speed, 0, 9, "", "of nothing"); },
-      [&]() -> std::unique_ptr<Node> {
-        if (node_fails) throw std::invalid_argument("speed must not be that");
-        return std::make_unique<ToyNode>();
-      });
-}
-
-class HostTest : public LcmBusTest, public testing::WithParamInterface<int> {};
-
-TEST_P(HostTest, RunsANodeUntilTheSignal) {
-  const std::string onboard_url = test_url(4), swarm_url = test_url(5);
-  const pid_t pid = ::fork();
-  if (pid == 0) ::_exit(toy_main({"--onboard-url", onboard_url, "--swarm-url", swarm_url, "--insecure", "true"}));
-  LcmBus onboard(onboard_url), swarm(swarm_url);
-  int ticks = 0;
-  std::vector<Bytes> onboard_pongs, swarm_pongs;
-  const auto keep_in = [](std::vector<Bytes>& pongs) {
-    return [&pongs](std::string_view, std::span<const std::uint8_t> bytes) {
-      pongs.emplace_back(bytes.begin(), bytes.end());
-    };
-  };
-  onboard.subscribe("TICK", [&](auto, auto) { ++ticks; });
-  onboard.subscribe("PONG", keep_in(onboard_pongs));
-  swarm.subscribe("PONG", keep_in(swarm_pongs));
-
-  ASSERT_TRUE(wait_until(
-      onboard, [&] { return ticks > 0; }, 20s));  // it is up
-  ticks = 0;
-  const auto began = Clock::now();
-  EXPECT_TRUE(wait_until(onboard, [&] { return ticks >= 25; }));
-  // 20 ms at least between ticks; the first may have been under way.
-  EXPECT_GT(Clock::now() - began, 23 * 20ms);
-
-  for (std::uint8_t i = 0; i < 20; ++i) {
-    ASSERT_TRUE(onboard.publish("PING", Bytes{i, 1}));
-    ASSERT_TRUE(swarm.publish("PING", Bytes{i, 2}));
-  }
-  EXPECT_TRUE(wait_until(onboard, [&] { return onboard_pongs.size() == 20; })) << onboard_pongs.size();
-  EXPECT_TRUE(wait_until(swarm, [&] { return swarm_pongs.size() == 20; })) << swarm_pongs.size();
-  for (std::uint8_t i = 0; i < 20; ++i) {
-    EXPECT_EQ(onboard_pongs.at(i), (Bytes{i, 1}));
-    EXPECT_EQ(swarm_pongs.at(i), (Bytes{i, 2}));
-  }
-
-  const auto killed = Clock::now();
-  ASSERT_EQ(::kill(pid, GetParam()), 0);
-  int status = 0;
-  ::waitpid(pid, &status, 0);
-  EXPECT_LT(Clock::now() - killed, 1s);
-  EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 0) << status;
-}
-INSTANTIATE_TEST_SUITE_P(Signals, HostTest, testing::Values(SIGTERM, SIGINT));
-
-TEST_F(LcmBusTest, HostRunsSeveralNodesUntilStopped) {
-  ToyNode first, second;
-  RealtimeHost host;
-  host.add("first", first, test_url(4), test_url(6));
-  host.add("second", second, test_url(5), test_url(6));
-  int heard = 0;
-  LcmBus onboard(test_url(5));
-  onboard.subscribe("TICK", [&](auto, auto) { ++heard; });
-  std::thread stopper([&] {
-    wait_until(onboard, [&] { return heard >= 3; });
-    host.stop();
-  });
-  host.run();
-  stopper.join();
-  EXPECT_GE(heard, 3);
-}
-
-// What does not come over a bus: the node speaks through the host all the same, and steps after it.
-TEST_F(LcmBusTest, HostDeliversToItsNodes) {
-  ToyNode node, stranger;
-  RealtimeHost host;
-  host.add("toy", node, test_url(4), test_url(6));
-  EXPECT_THROW(host.deliver(stranger, [](Utime, Outbox&) {}), std::invalid_argument);
-  Utime delivered{};
-  boost::asio::post(host.io(), [&] {
-    host.deliver(node, [&](Utime now, Outbox& outbox) {
-      delivered = now;
-      outbox.publish_bytes(BusId::kOnboard, "PONG", Bytes{7});
-    });
-  });
-  int heard = 0;
-  LcmBus onboard(test_url(4));
-  onboard.subscribe("PONG", [&](auto, auto) { ++heard; });
-  std::thread stopper([&] {
-    wait_until(onboard, [&] { return heard >= 1; });
-    host.stop();
-  });
-  host.run();
-  stopper.join();
-  EXPECT_EQ(heard, 1);
-  EXPECT_LE(std::chrono::abs(wall_utime() - delivered), 10s);
-}
-
-TEST_F(LcmBusTest, HostRefusesANodeWithoutItsBus) {
-  ToyNode node;
-  RealtimeHost host;
-  EXPECT_THROW(host.add("toy", node, test_url(4), ""), std::invalid_argument);
-}
-
-// Exit code and stderr of the toy daemon.
-std::pair<int, std::string> failing_main(const std::vector<std::string>& words, bool node_fails = false) {
-  testing::internal::CaptureStderr();
-  const int code = toy_main(words, node_fails);
-  return {code, testing::internal::GetCapturedStderr()};
-}
-
-TEST(DaemonMain, SaysInOneLineWhatIsWrong) {
-  EXPECT_EQ(failing_main({"--speed", "10"}),
-            std::pair(2, std::string("toy: --speed 10: must be a whole number within [0, 9]\n")));
-  EXPECT_EQ(failing_main({"--onboard-url", "foo"}),
-            std::pair(2, std::string("toy: --onboard-url foo: bus 'foo': must be udpm://ADDRESS:PORT?ttl=N\n")));
-  EXPECT_EQ(failing_main({"--insecure", "true"}, true), std::pair(2, std::string("toy: speed must not be that\n")));
-}
-
-TEST(DaemonMain, PrintsItsConfig) {
-  testing::internal::CaptureStdout();
-  EXPECT_EQ(toy_main({"--print-config", "--speed", "3"}), 0);
-  const std::string out = testing::internal::GetCapturedStdout();
-  for (const std::string& line : {std::string("speed = 3\n"), "onboard-url = " + std::string(kDefaultOnboardUrl) + "\n",
-                                  "swarm-url = " + std::string(kDefaultSwarmUrl) + "\n"}) {
-    EXPECT_NE(out.find(line), std::string::npos) << out;
-  }
-}
-
 }  // namespace
-}  // namespace swarm
+}  // namespace swarm::test

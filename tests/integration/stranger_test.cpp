@@ -20,11 +20,12 @@
 #include "lcmtypes/bus/lcm_bus.h"
 #include "lcmtypes/bus/lcm_wire.h"
 #include "lcmtypes/bus/time.h"
+#include "tests/support/lcm_bus_fixture.h"
 
 namespace swarm {
 namespace {
 
-using Bytes = std::vector<std::uint8_t>;
+using test::Bytes, test::wait_until;
 using Clock = std::chrono::steady_clock;
 
 constexpr char kLocal[] = "udpm://239.255.76.67:7700?ttl=0";
@@ -128,14 +129,6 @@ int beside_a_stranger(const std::function<int(const std::function<void()>& let_a
   int status = 0;
   ::waitpid(pid, &status, 0);
   return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
-}
-
-// Drains until `done`, at most for `limit`.
-bool wait_until(LcmBus& bus, const std::function<bool()>& done, Duration limit = 2s) {
-  for (const auto end = Clock::now() + limit; !done() && Clock::now() < end;) {
-    if (bus.drain() == 0) std::this_thread::sleep_for(1ms);
-  }
-  return done();
 }
 
 TEST(Stranger, IsHeardOnlyWhereOthersMaySpeak) {

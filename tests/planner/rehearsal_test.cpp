@@ -45,10 +45,11 @@ TEST(Rehearsal, LeavesNothingBehind) {
   }
 }
 
+// Each of the five steps of a plan takes so long.
 class RehearsedNode : public PlannerNodeFixture {
  public:
-  RehearsedNode()
-      : PlannerNodeFixture(make_config(), [ns = std::chrono::nanoseconds()]() mutable { return ns += 2ms; }) {}
+  explicit RehearsedNode(Duration step = 2ms)
+      : PlannerNodeFixture(make_config(), [ns = std::chrono::nanoseconds(), step]() mutable { return ns += step; }) {}
 };
 
 // By then the first map is too old.
@@ -82,6 +83,22 @@ TEST(PlannerNodeRehearsal, WaysToAnotherGoalAreWorkedOutBeforeThePlan) {
   f.run_for(1e-6);
   EXPECT_EQ(f.node.plans(), before + 2);
   EXPECT_LT((end_of(f.planned()) - Vector3d(-2, 1, 1)).norm(), 0.05);
+}
+
+// A plan that took longer than it was given is announced too late, and never heard of again.
+TEST(PlannerNodeRehearsal, PlansAreGivenTheTimeThatEarlierOnesTook) {
+  RehearsedNode f(20ms);
+  f.start({1, 0, 1});
+  const auto lead_s = [&f] {
+    f.run_for(0.4);
+    f.send_hover();
+    f.send_map();
+    f.run_for(0.001);
+    return to_seconds(f.planned().start_utime() - f.now);
+  };
+  f.run_for(0.001);
+  EXPECT_LT(lead_s(), 0.04);
+  EXPECT_GT(lead_s(), 0.1) << "five steps of 20 ms";
 }
 
 }  // namespace

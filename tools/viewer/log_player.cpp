@@ -47,7 +47,6 @@ LogIndex::LogIndex(const std::vector<std::string>& paths) : paths_(paths) {
 
 LogPlayer::LogPlayer(const LogIndex& index) : index_(index) {
   for (const std::string& path : index.paths()) logs_.emplace_back(path);
-  picture_.keep_maps_of(-1);
   shown_ = index.begin_utime();
   set_from(index.begin_utime());
 }
@@ -72,7 +71,7 @@ void LogPlayer::feed(std::size_t entry) {
 
 // The newest of every kind from before the last second, then all of that second.
 void LogPlayer::go_back_to(Utime utime) {
-  picture_.clear();
+  picture_ = SwarmPicture(selected_);
   const auto& entries = index_.entries();
   const auto first = std::lower_bound(entries.begin(), entries.end(), utime - kBefore,
                                       [](const LogIndex::Entry& entry, Utime t) { return entry.utime < t; });
@@ -87,7 +86,7 @@ void LogPlayer::go_back_to(Utime utime) {
 }
 
 void LogPlayer::select(int robot) {
-  picture_.keep_maps_of(robot);
+  selected_ = robot;
   go_back_to(shown_);
 }
 

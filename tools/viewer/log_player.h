@@ -61,7 +61,8 @@ class LogPlayer : public PictureSource {
 
   const LogIndex& index_;
   std::vector<LcmLog> logs_;
-  SwarmPicture picture_;
+  int selected_ = -1;  // robot whose maps the picture has
+  SwarmPicture picture_{selected_};
   std::size_t next_ = 0;  // entry that was not fed yet
   Utime shown_{};         // the picture is of then
   Utime from_{};          // it was, at `since_`

@@ -73,21 +73,6 @@ Refusal RobotPicture::keep(const sogm_t& part, bool was_silent) {
   return assembly.refusal == Refusal::kSequence ? Refusal::kNone : assembly.refusal;
 }
 
-void SwarmPicture::clear() {
-  const std::optional<int> maps_of = maps_of_;
-  *this = SwarmPicture();
-  maps_of_ = maps_of;
-}
-
-void SwarmPicture::keep_maps_of(int robot) {
-  maps_of_ = robot;
-  for (auto& [id, picture] : robots_) {
-    if (keeps_maps_of(id)) continue;
-    picture.sogm = Sogm();
-    picture.assembler_.reset();
-  }
-}
-
 template <class T>
 Refusal SwarmPicture::take(Utime now, std::string_view channel, const T& message) {
   const int id = message.header.robot_id;
@@ -102,7 +87,7 @@ Refusal SwarmPicture::take(Utime now, std::string_view channel, const T& message
   newest_came_ = now;
   if constexpr (std::is_same_v<T, sogm_t>) {
     robot.has_maps = true;
-    return keeps_maps_of(id) ? robot.keep(message, was_silent) : Refusal::kNone;
+    return maps_of_.value_or(id) == id ? robot.keep(message, was_silent) : Refusal::kNone;
   }
   if constexpr (std::is_same_v<T, announcement_t>) robot.keep(now, message);
   if constexpr (std::is_same_v<T, robot_state_t>) robot.state = message;

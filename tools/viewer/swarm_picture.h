@@ -73,12 +73,12 @@ class SwarmPicture {
  public:
   static constexpr std::size_t kMaxRobots = 128;  // the first ones heard of; messages about others are refused
 
+  // `maps_of`: only this robot's maps are put together and kept, which takes megabytes; -1: nobody's; none: all.
+  explicit SwarmPicture(std::optional<int> maps_of = {}) : maps_of_(maps_of) {}
+
   // One message of any channel; of channels that are none of ours nothing is kept. Refusals are
   // counted; what comes twice or late is none.
   Refusal add(Utime now, std::string_view channel, std::span<const std::uint8_t> bytes);
-  void clear();
-  // Of one robot maps are put together and kept, which takes megabytes; -1: of none. Before it is called, of all.
-  void keep_maps_of(int robot);
 
   const std::map<int, RobotPicture>& robots() const { return robots_; }
   // Obstacles that were told of within the last second, by whoever told last, moved on to `now`.
@@ -93,10 +93,8 @@ class SwarmPicture {
   template <class T>
   Refusal take(Utime now, std::string_view channel, const T& message);
 
-  bool keeps_maps_of(int robot) const { return !maps_of_ || *maps_of_ == robot; }
-
   std::map<int, RobotPicture> robots_;
-  std::optional<int> maps_of_;  // none: of all
+  std::optional<int> maps_of_;
   std::int64_t messages_ = 0;
   Utime newest_utime_{}, newest_came_{};
   RefusalCounts refused_;

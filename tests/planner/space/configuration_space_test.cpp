@@ -92,6 +92,7 @@ TEST_F(ConfigurationSpaceTest, EqualTheirDefinitionWhereLookedAt) {
   options.silent_peer_margin_m = 0.3;
   ConfigurationSpace space(options);  // one for all: what is left of earlier maps must not show
   int compared = 0, severities = 0, set = 0;
+  int clears[3] = {};  // always, from some frame on, never
   for (int trial = 0; trial < 40; ++trial) {
     const Vector3d size_m = trial / 10 == 1 ? Vector3d(3, 3.5, 7) : Vector3d(5, 4.3, 2);
     const Sogm sogm = random_map(rng, trial % 7, size_m, 8, kStart, 100ms);
@@ -143,6 +144,15 @@ TEST_F(ConfigurationSpaceTest, EqualTheirDefinitionWhereLookedAt) {
         ASSERT_FALSE(HasFailure());
       }
     }
+    for (int look = 0; look < 300; ++look) {
+      const Vector3d position = in_box(rng, -0.5 * size_m, 0.5 * size_m);
+      const Vector3i voxel = blocked.geometry.voxel_of(position);
+      const int last = uniform_int(rng, 5, 7);
+      int clear_from = last + 1;
+      while (clear_from > 0 && !recently_occupied.occupied(clear_from - 1, voxel)) --clear_from;
+      ASSERT_EQ(space.clear_from(position, last), clear_from);
+      ++clears[clear_from == 0 ? 0 : clear_from <= last ? 1 : 2];
+    }
     for (int look = 0; look < 50; ++look) {
       const Vector3d position = in_box(rng, -0.6 * size_m, 0.6 * size_m);
       const Utime utime = kStart + uniform_duration(rng, -200ms, 1200ms);
@@ -161,6 +171,7 @@ TEST_F(ConfigurationSpaceTest, EqualTheirDefinitionWhereLookedAt) {
   EXPECT_GT(compared, 50'000);
   EXPECT_GT(severities, 20'000);
   EXPECT_GT(set, compared / 20);
+  for (const int count : clears) EXPECT_GT(count, 30);
 }
 
 // A peer may be left out only where the robot does not come in time.
