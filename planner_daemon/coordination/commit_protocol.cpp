@@ -135,7 +135,7 @@ void CommitProtocol::judge(Utime now, int peer_id, Peer* peer) {
   peer->judged_seq = peer->pending.seq();
   peer->verdict = ack_t::kAck;
   news_ = true;
-  const bool late = peer->pending.start_utime() <= now;
+  const bool late = peer->pending.start_utime() + to_duration(rules_.clock_error_s) <= now;  // by any clock
   if (late || !keeps_off(peer->pending, *motion_, peer->radius_m)) {
     peer->verdict = ack_t::kNack;
   } else if (!pending_.empty() && !free_of(peer->pending, {motion_->committed, pending_}, peer->radius_m)) {

@@ -22,7 +22,7 @@ void overlay(const std::string& file, Config* config) {
 template <class Arguments, class Visit>
 void for_each_number(Arguments& arguments, const Visit& visit) {
   auto& link = arguments.link;
-  visit("time-limit", arguments.time_limit_s, 0.1, 3600, "s", "of simulated time");
+  visit("time-limit", arguments.time_limit_s, 0.1, 86400, "s", "of simulated time");
   visit("sensor-rate", arguments.sensor_rate_hz, 1, 100, "Hz", "of obstacle detections");
   visit("link-delay-ms", link.delay_ms, 0, 10'000, "ms", "that messages between robots take longer");
   visit("link-jitter-ms", link.jitter_ms, 0, 10'000, "ms", "the delay is uniform within +- this, at least 0");
@@ -39,6 +39,7 @@ void for_each_text(Arguments& arguments, const Visit& visit) {
         "DAEMON:ROBOT@AT_S[-BACK_S],...: daemons (map, planner, broadcast) that are killed, and started again 0.1 s "
         "later "
         "or at BACK_S");
+  visit("clock-step", arguments.clock_steps, "ROBOT:AT_S:BY_S,...: clocks that are set in flight, by so much");
   visit("map-config", arguments.map_config,
         "config file for every map_daemon; identity and map file come from the world");
   visit("planner-config", arguments.planner_config,
@@ -56,6 +57,7 @@ void declare(OptionSet& options, FlightArguments& arguments) {
     options.add(name, &value, help, [&value, &arguments](const std::string& text) {
       if (&value == &arguments.outages) (void)parse_outages(text);
       if (&value == &arguments.kills) (void)parse_kills(text);
+      if (&value == &arguments.clock_steps) (void)parse_clock_steps(text);
     });
   });
 }
@@ -71,6 +73,7 @@ FlightOptions flight_options(const FlightArguments& arguments) {
   options.clock_offset_ms = arguments.clock_offset_ms;
   options.link.outages = parse_outages(arguments.outages);
   options.kills = parse_kills(arguments.kills);
+  options.clock_steps = parse_clock_steps(arguments.clock_steps);
   return options;
 }
 

@@ -41,9 +41,10 @@ std::vector<Subscription> EnvironmentNode::subscriptions() const {
   return {{BusId::kOnboard, channel::kSetpoint}, {BusId::kOnboard, channel::kOwnTrajectory}};
 }
 
-void EnvironmentNode::on_message(Utime, BusId, std::string_view channel, std::span<const std::uint8_t> bytes, Outbox&) {
+void EnvironmentNode::on_message(Utime now, BusId, std::string_view channel, std::span<const std::uint8_t> bytes,
+                                 Outbox&) {
   Vehicle& vehicle = simulation_.vehicle(index_);
-  if (channel == channel::kSetpoint) vehicle.on_setpoint(bytes);
+  if (channel == channel::kSetpoint) vehicle.on_setpoint(now, bytes);
   if (channel == channel::kOwnTrajectory) vehicle.on_own_trajectory(bytes);
 }
 

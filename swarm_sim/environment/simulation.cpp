@@ -3,13 +3,12 @@
 #include <stdexcept>
 #include <string>
 
-#include "swarm_sim/world/clocks.h"
-
 namespace swarm {
 
 Simulation::Simulation(const World& world, const OccupiedCubes* static_map, const SimulationOptions& options,
                        Utime utime, TickObserver on_tick)
     : world_(world),
+      clock_steps_(options.clock_steps),
       judge_(world, static_map, options.time_limit_s),
       on_tick_(std::move(on_tick)),
       now_(tick_at(utime)) {
@@ -31,6 +30,12 @@ void Simulation::advance(Utime utime) {
 
 void Simulation::tick() {
   now_ += kTick;
+  std::erase_if(clock_steps_, [this](const ClockStep& step) {
+    if (!start_ || t_s(now_) < step.at_s) return false;
+    for (Vehicle& vehicle : vehicles_)
+      if (vehicle.id() == step.robot_id) vehicle.step_clock(step.by);
+    return true;
+  });
   states_.clear();
   for (Vehicle& vehicle : vehicles_) {
     vehicle.move_to(now_);

@@ -13,6 +13,7 @@
 #include "lcmtypes/bus/time.h"
 #include "swarm_sim/environment/judge.h"
 #include "swarm_sim/environment/vehicle.h"
+#include "swarm_sim/world/clocks.h"
 #include "swarm_sim/world/world.h"
 
 namespace swarm {
@@ -20,6 +21,7 @@ namespace swarm {
 struct SimulationOptions {
   double time_limit_s = 60.0;
   double clock_offset_ms = 0.0;  // of the robots' clocks, see clocks.h
+  std::vector<ClockStep> clock_steps{};
 };
 
 class Simulation {
@@ -58,6 +60,7 @@ class Simulation {
   void tick();
 
   const World& world_;
+  std::vector<ClockStep> clock_steps_;  // to come
   Judge judge_;
   TickObserver on_tick_;
   Utime now_;

@@ -10,16 +10,16 @@ constexpr Duration kSetpointTimeout = 50ms;
 }  // namespace
 
 Vehicle::Vehicle(int robot_id, const Eigen::Vector3d& start, Duration clock_offset)
-    : id_(robot_id), clock_offset_(clock_offset) {
+    : id_(robot_id), clock_offset_(clock_offset), setpoints_offset_(clock_offset) {
   state_.position = start;
 }
 
-void Vehicle::on_setpoint(std::span<const std::uint8_t> bytes) {
+void Vehicle::on_setpoint(Utime utime, std::span<const std::uint8_t> bytes) {
   sogm_swarm::setpoint_t setpoint;
-  const auto newer = [this](const sogm_swarm::setpoint_t& message) {
-    return setpoint_ && message.header.utime <= setpoint_->header.utime ? Refusal::kSequence : Refusal::kNone;
-  };
-  if (receive(bytes, FromRobot{id_}, {}, newer, &setpoint) == Refusal::kNone) setpoint_ = setpoint;
+  if (receive(bytes, FromRobot{id_}, {}, setpoints_, &setpoint) != Refusal::kNone) return;
+  const Utime then = to_utime(setpoint.header.utime);
+  if (std::chrono::abs(utime + setpoints_offset_ - then) > kSetpointTimeout) setpoints_offset_ = then - utime;
+  setpoint_ = setpoint;
 }
 
 void Vehicle::on_own_trajectory(std::span<const std::uint8_t> bytes) {
@@ -29,9 +29,10 @@ void Vehicle::on_own_trajectory(std::span<const std::uint8_t> bytes) {
 
 void Vehicle::move_to(Utime utime) {
   if (!setpoint_) return;
-  const Duration age = own_time(utime) - to_utime(setpoint_->header.utime);
+  const Utime now = utime + setpoints_offset_;
+  const Duration age = now - to_utime(setpoint_->header.utime);
   if (age > kSetpointTimeout && motion_) {
-    state_ = motion_->at(own_time(utime));
+    state_ = motion_->at(now);
     return;
   }
   const double dt = to_seconds(age);

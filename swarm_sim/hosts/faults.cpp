@@ -34,4 +34,22 @@ std::vector<Kill> parse_kills(const std::string& text) {
   return kills;
 }
 
+std::vector<ClockStep> parse_clock_steps(const std::string& text) {
+  constexpr double kLongest_s = 1e6;
+  std::vector<ClockStep> steps;
+  if (text.empty()) return steps;
+  for (const std::string& item : split(text, ',')) {
+    const std::vector<std::string> parts = split(item, ':');
+    const bool is_back = parts.size() == 3 && parts[2].starts_with('-');
+    ClockStep step;
+    double by_s = 0.0;
+    if (parts.size() != 3 || !read_amount(parts[0], &step.robot_id) || !read_amount(parts[1], &step.at_s) ||
+        !read_amount(is_back ? parts[2].substr(1) : parts[2], &by_s) || by_s > kLongest_s)
+      throw OptionError("'" + item + "' must be ROBOT:AT_S:BY_S with AT_S of at least 0 and BY_S within +-1e6");
+    step.by = to_duration(is_back ? -by_s : by_s);
+    steps.push_back(step);
+  }
+  return steps;
+}
+
 }  // namespace swarm

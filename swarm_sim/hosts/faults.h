@@ -1,9 +1,12 @@
-// Daemons that are killed in flight and started again by a supervisor, as systemd would do it.
+// What goes wrong with robots in flight: daemons that are killed, and started again by a supervisor, as systemd would
+// do it; clocks that are set.
 #pragma once
 
 #include <array>
 #include <string>
 #include <vector>
+
+#include "swarm_sim/world/clocks.h"
 
 namespace swarm {
 
@@ -20,5 +23,8 @@ inline constexpr double kRestart_s = 0.1;  // the supervisor's delay
 // "DAEMON:ROBOT@AT_S" or "DAEMON:ROBOT@AT_S-BACK_S", several separated by commas; empty: none. Throws OptionError with
 // the part that is wrong.
 std::vector<Kill> parse_kills(const std::string& text);
+
+// "ROBOT:AT_S:BY_S,...", BY_S below 0 to set it back; empty: none. Throws OptionError with the part that is wrong.
+std::vector<ClockStep> parse_clock_steps(const std::string& text);
 
 }  // namespace swarm

@@ -55,6 +55,7 @@ std::size_t index_of_robot(const World& world, int id, const char* option) {
 
 void check_robots(const World& world, const FlightOptions& options) {
   for (const Kill& kill : options.kills) (void)index_of_robot(world, kill.robot_id, "kill");
+  for (const ClockStep& step : options.clock_steps) (void)index_of_robot(world, step.robot_id, "clock-step");
   for (const LinkOutage& outage : options.link.outages) (void)index_of_robot(world, outage.robot_id, "link-outage");
 }
 

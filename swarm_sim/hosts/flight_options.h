@@ -26,6 +26,7 @@ struct FlightOptions {
   LinkOptions link;              // between robots
   double clock_offset_ms = 0.0;  // the lowest id's clock is so much behind the highest's; the others lie between
   std::vector<Kill> kills;
+  std::vector<ClockStep> clock_steps;
 };
 
 // The daemons' configurations for one robot of a world.

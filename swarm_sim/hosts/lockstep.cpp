@@ -68,6 +68,7 @@ class Daemon : public Node {
                   Outbox& outbox) override {
     node_.on_message(now, bus, channel, bytes, outbox);
   }
+  bool on_clock_step(Utime now, Duration step) override { return node_.on_clock_step(now, step); }
   Utime step(Utime now, Outbox& outbox) override {
     const Utime wake = node_.step(now, outbox);
     work_.note_step(node_, &done_);
@@ -126,8 +127,8 @@ RunReport run_lockstep(const World& world, const OccupiedCubes* static_map, cons
   LinkModel link(options.link, seed_of(world.name));
   BusRecorder recorder(logs);
   std::optional<LockstepHost> host(kEpoch);
-  Simulation simulation(world, static_map, {options.time_limit_s, options.clock_offset_ms}, kEpoch - Simulation::kTick,
-                        follow_flight(trace, progress, [&host] { host->stop(); }));
+  Simulation simulation(world, static_map, {options.time_limit_s, options.clock_offset_ms, options.clock_steps},
+                        kEpoch - Simulation::kTick, follow_flight(trace, progress, [&host] { host->stop(); }));
   simulation.start(kEpoch);
 
   host->listen([&](Utime now, BusId bus, int robot_id, std::string_view channel, std::span<const std::uint8_t> bytes) {
@@ -153,6 +154,11 @@ RunReport run_lockstep(const World& world, const OccupiedCubes* static_map, cons
     const std::size_t robot = index_of_robot(world, kill.robot_id, "kill");
     host->crash(kDaemons.size() * robot + kill.daemon, kEpoch + to_duration(kill.at_s),
                 kEpoch + to_duration(kill.back_s));
+  }
+  for (const ClockStep& step : options.clock_steps) {
+    const std::size_t robot = index_of_robot(world, step.robot_id, "clock-step");
+    for (std::size_t d = 0; d < kDaemons.size(); ++d)
+      host->step_clock(kDaemons.size() * robot + d, kEpoch + to_duration(step.at_s), step.by);
   }
   host->run();
   host.reset();  // the nodes say what they have counted

@@ -3,6 +3,9 @@
 #include <array>
 #include <limits>
 #include <tuple>
+#include <utility>
+
+#include "lcmtypes/bus/node_clock.h"
 
 namespace swarm {
 
@@ -22,12 +25,20 @@ class LockstepHost::Place : public Outbox {
   void crash() { node_.reset(); }
   void restart() {
     node_.reset();
+    clock_ = NodeClock(read());
+    is_stepped_ = false;
     node_ = make_node_();
   }
+  void step_clock(Duration by) { seat_.clock_offset += by; }
   void hear(BusId id, std::string_view channel, std::span<const std::uint8_t> bytes) {
-    node_->on_message(host_.now_ + seat_.clock_offset, id, channel, bytes, *this);
+    watch_clock();
+    node_->on_message(time(), id, channel, bytes, *this);
   }
-  Utime step() { return node_->step(host_.now_ + seat_.clock_offset, *this) - seat_.clock_offset; }
+  Utime step() {
+    watch_clock();
+    const Utime time = this->time();
+    return host_.now_ + (node_->step(time, *this) - time);
+  }
   void publish_bytes(BusId id, std::string_view channel, std::span<const std::uint8_t> bytes) override {
     host_.send(*this, id, channel, bytes);
   }
@@ -35,9 +46,26 @@ class LockstepHost::Place : public Outbox {
   Utime wake{};  // the wake-up in force; earlier entries in the queue are void
 
  private:
+  ClockReading read() const { return {host_.now_.time_since_epoch(), host_.now_ + seat_.clock_offset}; }
+  Utime time() { return clock_.read(read()); }
+  // As the real-time host does.
+  void watch_clock() {
+    const Utime time = this->time();
+    const Duration step = clock_.step();
+    const bool was_stepped = std::exchange(is_stepped_, step != 0us);
+    if (step == 0us) {
+      if (was_stepped) (void)node_->on_clock_step(time, step);
+    } else if (node_->on_clock_step(time, step)) {
+      clock_.adopt_step();
+      is_stepped_ = false;
+    }
+  }
+
   Seat seat_;
   LockstepHost& host_;
   NodeFactory make_node_;
+  NodeClock clock_{read()};
+  bool is_stepped_ = false;  // the clock, and the node has not agreed yet
   std::unique_ptr<Node> node_;
 };
 
@@ -66,6 +94,10 @@ void LockstepHost::crash(std::size_t seat, Utime at, Utime back) {
   push(back, seat, What::kRestart);
 }
 
+void LockstepHost::step_clock(std::size_t seat, Utime at, Duration by) {
+  push(at, seat, What::kClock, by);
+}
+
 void LockstepHost::run() {
   stopped_ = false;
   while (!events_.empty() && (!stopped_ || events_.top().time == now_)) {
@@ -76,8 +108,8 @@ void LockstepHost::run() {
   }
 }
 
-void LockstepHost::push(Utime time, std::size_t place, What what) {
-  const bool last = what == What::kCrash || what == What::kRestart;
+void LockstepHost::push(Utime time, std::size_t place, What what, Duration by) {
+  const bool last = what != What::kMessage && what != What::kWake;
   if (what == What::kWake) places_[place]->wake = time;
   events_.push({time,
                 last ? std::numeric_limits<std::size_t>::max() : place,
@@ -86,7 +118,8 @@ void LockstepHost::push(Utime time, std::size_t place, What what) {
                 what,
                 BusId::kOnboard,
                 {},
-                nullptr});
+                nullptr,
+                by});
 }
 
 void LockstepHost::send(const Place& from, BusId id, std::string_view channel, std::span<const std::uint8_t> bytes) {
@@ -114,6 +147,7 @@ void LockstepHost::handle(const Event& event) {
     place.restart();
     return push(now_, event.place, What::kWake);
   }
+  if (event.what == What::kClock) place.step_clock(event.by);
   if (place.node() == nullptr) return;
   if (event.what == What::kWake && event.time != place.wake) return;
   if (event.what == What::kMessage) place.hear(event.bus, event.channel, *event.bytes);

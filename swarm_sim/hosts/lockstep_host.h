@@ -35,7 +35,7 @@ class LockstepHost {
     int robot_id = 0;
     std::string onboard = "", swarm = "";  // names of its buses; empty: it has none
     Duration work{};                       // that its messages take longer, for what it has to do first
-    Duration clock_offset{};               // its clock is ahead of the simulated one
+    Duration clock_offset{};               // its clock is ahead of the simulated one; see node_clock.h
   };
 
   // The simulated clock begins at `begin`.
@@ -52,6 +52,8 @@ class LockstepHost {
   // The node of a seat crashes at `at` and is made again at `back` of the simulated clock; what reaches it meanwhile is
   // lost.
   void crash(std::size_t seat, Utime at, Utime back);
+  // Somebody sets the clock of a seat at `at` of the simulated clock. The node takes it as in the real-time host.
+  void step_clock(std::size_t seat, Utime at, Duration by);
   void listen(Listener listener) { listener_ = std::move(listener); }
 
   // Until stop(). Throws std::out_of_range when a node sends to a bus that it has not.
@@ -69,7 +71,7 @@ class LockstepHost {
     std::map<std::string, std::vector<std::size_t>, std::less<>> places;  // that listen, by channel
   };
   using Bytes = std::shared_ptr<const std::vector<std::uint8_t>>;
-  enum class What : std::uint8_t { kMessage, kWake, kCrash, kRestart };
+  enum class What : std::uint8_t { kMessage, kWake, kCrash, kRestart, kClock };
   struct Event {
     Utime time;
     std::size_t order;  // the place, or behind all of them
@@ -79,11 +81,12 @@ class LockstepHost {
     BusId bus = BusId::kOnboard;
     std::string channel;
     Bytes bytes;
+    Duration by{};  // of kClock
 
     bool operator>(const Event& other) const;
   };
 
-  void push(Utime time, std::size_t place, What what);
+  void push(Utime time, std::size_t place, What what, Duration by = {});
   void send(const Place& from, BusId bus, std::string_view channel, std::span<const std::uint8_t> bytes);
   void handle(const Event& event);
 

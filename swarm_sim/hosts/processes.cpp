@@ -215,12 +215,14 @@ RunReport run_processes(const World& world, const OccupiedCubes* static_map, con
   const bool relayed = !options.link.perfect();
   if (!processes.start_daemons && !options.kills.empty())
     throw OptionError("kill: daemons that were not started here cannot be killed either");
+  if (processes.start_daemons && !options.clock_steps.empty())
+    throw OptionError("clock-step: of daemons that were started here, only in lock-step; no clock is set for them");
   if (relayed && !processes.netns.empty())
     throw OptionError("netns: between namespaces the network is what it is; no --link-... with it");
 
   RealtimeHost host;
-  Simulation simulation(world, static_map, {options.time_limit_s, options.clock_offset_ms}, wall_utime(),
-                        follow_flight(trace, progress, [&host] { host.stop(); }));
+  Simulation simulation(world, static_map, {options.time_limit_s, options.clock_offset_ms, options.clock_steps},
+                        wall_utime(), follow_flight(trace, progress, [&host] { host.stop(); }));
   Relay relay(options.link, seed_of(world.name), [&](Utime utime) { return simulation.t_s(utime); });
   BusRecorder recorder(logs);
   const std::vector<RobotPlace> places = places_of(world, processes, relayed);

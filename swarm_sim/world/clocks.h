@@ -12,6 +12,13 @@ namespace swarm {
 // behind the highest's, the others lie between.
 std::vector<Duration> clock_offsets(double offset_ms, std::size_t n);
 
+// At this world time somebody sets a robot's clock, by so much.
+struct ClockStep {
+  int robot_id = 0;
+  double at_s = 0.0;
+  Duration by{};
+};
+
 // The same in the order of the world's robots.
 std::vector<Duration> clock_offsets(double offset_ms, const World& world);
 

@@ -192,6 +192,27 @@ void write_bridges(const Corpora& corpora) {
   corpora.write("mocap", "rules", Seed().byte(1).part("a*:ring:1,0.1;b:box:1,2,3:0.1,0,0").word(0, 40));
 }
 
+// A message of every kind, and what is done with them.
+void write_views(const Corpora& corpora) {
+  Seed drawings;
+  drawings.word(0, 2);
+  for (std::size_t i = 0; i < std::size(kChannels); ++i)
+    drawings.byte(i).word(50'000, 3).message(message_on(kChannels[i].name));
+  corpora.write("drawings", "all", drawings);
+  Seed view;
+  view.byte(std::size(kChannels) - 1);
+  for (std::size_t i = 0; i < std::size(kChannels); ++i)
+    view.byte(i).word(50'000, 3).message(message_on(kChannels[i].name));
+  view.byte(4).byte(0);  // pause
+  for (const std::uint64_t at : {20'000, 60'000, 5'000}) view.byte(5).byte(1).word(at, 2);
+  view.byte(1).byte(1).byte(1).byte(2).byte(3).byte(3).byte(1).word(60'000, 2).byte(4).byte(1);
+  view.byte(0).part(R"({"goal": {"robot": 1, "position": [1, 2, 3]}})");
+  corpora.write("view", "commands", view);
+  corpora.write("web_server", "page", Seed().byte(2).part("/").byte(2).part("/view.js").byte(3).part("localhost:80"));
+  corpora.write("web_server", "stream", Seed().byte(7).byte(1).byte(0).part("\x81\x82\1\2\3\4zx"));
+  corpora.write("web_server", "post", Seed().byte(4).part("5").part("hello").byte(2).part("/stream"));
+}
+
 // What a broadcaster keeps.
 void write_promises(const Corpora& corpora) {
   random_messages::Random random(1);
@@ -265,6 +286,7 @@ int main(int argc, char** argv) {
     write_texts(corpora);
     write_maps(corpora);
     write_bridges(corpora);
+    write_views(corpora);
     write_promises(corpora);
     write_commits(corpora, "commits", 400, 5);
     write_commits(corpora, "leaps_between_knots", 10, 1);

@@ -119,6 +119,26 @@ TEST(Environment, VehiclesAreWhereTheirSetpointsSay) {
   EXPECT_NEAR(state.position[0], -1.99, 1e-9);
 }
 
+// Setpoints of a clock that is not the robot's are of the moment at which they come, in the order of their numbers.
+TEST(Environment, AVehicleFliesOnWhereItsClockIsSet) {
+  const World world = two_robots();
+  Simulation simulation(world, nullptr, {.clock_steps = {{4, 0.1, -3s}, {2, 0.1, 1h}}}, kStart, nullptr);
+  simulation.start(kStart + 10ms);
+  Bench<EnvironmentNode> bench(simulation, std::size_t{0}, 20.0);
+  const auto state = [&] { return bench.out.newest<sogm_swarm::robot_state_t>(channel::kRobotState); };
+  bench.run_until(kStart + 200ms);
+  const Utime own_time = kStart + 200ms - 3s;
+  EXPECT_NEAR(to_ms(to_utime(state().header.utime) - own_time), 0.0, 10.0);
+  bench.send(channel::kSetpoint, setpoint(4, kStart + 200ms, {-2, 0, 1}, {1, 0, 0}));  // the node has not taken it yet
+  bench.run_until(kStart + 220ms);
+  EXPECT_NEAR(state().position[0], -1.98, 0.0101);
+  auto later = setpoint(4, own_time + 30ms, {-1, 0, 1}, {1, 0, 0});  // now it has
+  later.header.seq = to_us(kStart);
+  bench.send(channel::kSetpoint, later);
+  bench.run_until(kStart + 240ms);
+  EXPECT_NEAR(state().position[0], -0.99, 0.0101);
+}
+
 // Without setpoints it follows what its robot is bound to.
 TEST(Environment, AVehicleWithoutSetpointsFliesWhatWasAnnounced) {
   const World world = two_robots();

@@ -93,5 +93,53 @@ TEST(Faults, KillsOfUnknownRobotsAreRefused) {
   EXPECT_THROW((void)fly("map:9@1"), OptionError);
 }
 
+TEST(Faults, ClocksThatAreSetAreRead) {
+  EXPECT_TRUE(parse_clock_steps("").empty());
+  const std::vector<ClockStep> steps = parse_clock_steps("2:4.5:-3,0:1:0.05");
+  ASSERT_EQ(steps.size(), 2u);
+  EXPECT_EQ(steps[0].robot_id, 2);
+  EXPECT_EQ(steps[0].at_s, 4.5);
+  EXPECT_EQ(steps[0].by, -3s);
+  EXPECT_EQ(steps[1].by, 50ms);
+  for (const char* text : {"1", "1:2", "1:2:3:4", "x:2:3", "1:-2:3", "1:2:--3", "1:2:", "1:2:nan", "1:2:1e7", ","}) {
+    SCOPED_TRACE(text);
+    EXPECT_THROW((void)parse_clock_steps(text), OptionError);
+  }
+}
+
+RunReport fly_with_clocks(const std::string& steps) {
+  FlightOptions options;
+  options.clock_steps = parse_clock_steps(steps);
+  options.time_limit_s = 30.0;
+  const World world = make_world(Task::kCross, Environment::kPure, 20, 1);
+  return run_lockstep(world, nullptr, options, {}, nullptr, nullptr, nullptr);
+}
+
+// In the middle of the flight a robot's clock is set, and three seconds later set right; or all robots' are, for good.
+// Everybody arrives, nothing touches, and nobody leaps.
+TEST(Faults, ClocksMayBeSetInFlight) {
+  for (const char* steps : {"1:3:3,1:6:-3", "1:3:-3,1:6:3", "1:3:0.05,1:6:-0.05", "1:3:0.01", "1:3:3600,1:6:-3600",
+                            "0:3:1,1:3:1,2:3:1,3:3:1", "0:3:-1,1:3:-1,2:3:-1,3:3:-1"}) {
+    SCOPED_TRACE(steps);
+    const RunReport report = fly_with_clocks(steps);
+    EXPECT_EQ(report.outcome, Outcome::kSuccess) << summary_table(report);
+    EXPECT_EQ(report.commit_conflicts, 0);
+    for (const RobotReport& robot : report.robots) EXPECT_LT(robot.verdict.max_position_jump_m, 0.01);
+    if (kSanitized) return;
+  }
+}
+
+// One clock is wrong for good: that robot commits to nothing but what gets it out of an obstacle's way.
+TEST(Faults, WithAWrongClockNobodyTouches) {
+  for (const char* steps : {"1:3:3", "1:3:-3", "1:3:0.05"}) {
+    SCOPED_TRACE(steps);
+    const RunReport report = fly_with_clocks(steps);
+    EXPECT_TRUE(report.touches.empty()) << summary_table(report);
+    EXPECT_EQ(report.outcome, Outcome::kDeadlock);
+    EXPECT_FALSE(report.robots[1].verdict.flight_time_s);
+    if (kSanitized) return;
+  }
+}
+
 }  // namespace
 }  // namespace swarm::test

@@ -22,8 +22,8 @@ std::string at(Utime utime) {
 // Listens to channel A and says its name on channel A every `period`, if that is positive.
 class Talker : public Node {
  public:
-  Talker(std::string name, BusId bus, Duration period, Diary& diary)
-      : name_(std::move(name)), bus_(bus), period_(period), diary_(diary) {
+  Talker(std::string name, BusId bus, Duration period, Diary& diary, bool takes_steps = true)
+      : takes_steps_(takes_steps), name_(std::move(name)), bus_(bus), period_(period), diary_(diary) {
     diary_.push_back(name_ + " begins");
   }
   ~Talker() override { diary_.push_back(name_ + " ends"); }
@@ -31,6 +31,11 @@ class Talker : public Node {
   std::vector<Subscription> subscriptions() const override { return {{bus_, "A"}}; }
   void on_message(Utime now, BusId, std::string_view, std::span<const std::uint8_t> bytes, Outbox&) override {
     diary_.push_back(name_ + " hears " + std::string(bytes.begin(), bytes.end()) + " at " + at(now));
+  }
+  bool on_clock_step(Utime now, Duration step) override {
+    diary_.push_back(name_ + " is set by " + std::to_string(step.count()) + " at " + at(now));
+    if (takes_steps_) wake_ += step;
+    return takes_steps_;
   }
   Utime step(Utime now, Outbox& outbox) override {
     if (period_ == 0us) return now + 1s;
@@ -41,6 +46,7 @@ class Talker : public Node {
   }
 
  private:
+  bool takes_steps_;
   std::string name_;
   BusId bus_;
   Duration period_;
@@ -111,6 +117,31 @@ TEST_F(LockstepHostTest, ANodeSeesItsOwnClock) {
   run_until(120us);
   EXPECT_EQ(diary_, (Diary{"x hears x at 17", "y hears x at 7", "x hears x at 117", "y hears x at 107"}));
   EXPECT_EQ(sent_, (Diary{"0 at 0", "0 at 100"}));  // by the host's
+}
+
+// Whoever does not take a step is asked before each call, and told when the clock is back.
+TEST_F(LockstepHostTest, ClocksAreSetAndNodesTakeItWhenTheyWill) {
+  const std::size_t x = add({.onboard = "own"}, "x", 100ms);
+  const std::size_t y = host_.add(
+      {.onboard = "own"}, [this] { return std::make_unique<Talker>("y", BusId::kOnboard, 0us, diary_, false); });
+  for (const std::size_t seat : {x, y}) host_.step_clock(seat, kStart + 50ms, 1s);
+  host_.step_clock(y, kStart + 150ms, -1s);
+  run_until(210ms);
+  EXPECT_EQ(diary_, (Diary{"x hears x at 10", "y hears x at 10", "x is set by 1000000 at 50000",
+                           "y is set by 1000000 at 50000", "x hears x at 1100010", "y is set by 1000000 at 100010",
+                           "y hears x at 100010", "y is set by 1000000 at 100010", "y is set by 0 at 150000",
+                           "x hears x at 1200010", "y hears x at 200010"}));
+  EXPECT_EQ(sent_, (Diary{"0 at 0", "0 at 100000", "0 at 200000"}));
+}
+
+// By up to 20 ms it is no step: a tenth of the time that passes is slewed.
+TEST_F(LockstepHostTest, ALittleIsSlewed) {
+  const std::size_t y = add({.onboard = "own"}, "y", 0us);
+  add({.onboard = "own"}, "x", 50ms);
+  host_.step_clock(y, kStart + 20ms, 4ms);
+  run_until(101ms);
+  EXPECT_EQ(diary_, (Diary{"y hears x at 10", "x hears x at 10", "y hears x at 54010", "x hears x at 50010",
+                           "y hears x at 104010", "x hears x at 100010"}));
 }
 
 TEST_F(LockstepHostTest, TheLinkStandsBetweenRobotsOnly) {

@@ -42,18 +42,20 @@ void fields(const Voxel& m, Visit&& visit) {
   visit("x", m.x), visit("y", m.y), visit("z", m.z);
 }
 
-// Calls visit(name, value) with every field, as it is shown.
+// Calls visit(name, value) with a field of m, as it is shown.
+template <class T, class Value, class Visit>
+void show(const T& m, const char* name, const Value& value, Visit&& visit) {
+  if constexpr (std::is_same_v<Value, decltype(trajectory_t::knots)>) {
+    visit(name, knots_of(m));
+  } else if constexpr (std::is_same_v<Value, decltype(obstacle_voxels_t::voxels)>) {
+    visit(name, voxels_of(m));
+  } else if constexpr (!std::is_same_v<Value, decltype(sogm_t::packed)>) {
+    visit(name, value);
+  }
+}
 template <class T, class Visit>
 void shown_fields(const T& m, Visit&& visit) {
-  fields(m, [&]<class Value>(const char* name, const Value& value) {
-    if constexpr (std::is_same_v<Value, decltype(trajectory_t::knots)>) {
-      visit(name, knots_of(m));
-    } else if constexpr (std::is_same_v<Value, decltype(obstacle_voxels_t::voxels)>) {
-      visit(name, voxels_of(m));
-    } else if constexpr (!std::is_same_v<Value, decltype(sogm_t::packed)>) {
-      visit(name, value);
-    }
-  });
+  fields(m, [&](const char* name, const auto& value) { show(m, name, value, visit); });
 }
 
 template <class Number>

@@ -26,8 +26,10 @@ struct Scope {
   int ticks = 3;                                // of time; a flight starts a tick after its proposal and lasts one
   std::size_t copies = 2;                       // announcements under way from one robot to another: the newest ones
   int crashes = 0;
-  bool strangers = false;  // nobody has heard anybody yet
-  int urgent = -1;         // the place of a robot that is always about to be hit; -1: none
+  bool strangers = false;         // nobody has heard anybody yet
+  int urgent = -1;                // the place of a robot that is always about to be hit; -1: none
+  std::vector<Duration> ahead{};  // of each robot's clock; empty: of none
+  Duration lead = kTick;          // from a proposal to the start of the flight
   // Faults, to see that they are found.
   bool same_boot = false;  // a restart that peers cannot tell
   bool any_order = false;  // older announcements overwrite newer ones
@@ -64,7 +66,7 @@ class Swarm {
       }
       if (crashes_ > 0) after([&](Swarm& s) { s.crash(i); });
       const Trajectory& waits = robots_[i].protocol.pending();  // its last moment may come before any other event
-      if (static_cast<int>(i) == scope_.urgent && !waits.empty() && waits.start_utime() == now() + kTick)
+      if (static_cast<int>(i) == scope_.urgent && !waits.empty() && waits.start_utime() == now(i) + kTick)
         after([&](Swarm& s) { s.settle(i, waits.start_utime() - 1us); });
     }
     if (tick_ < scope_.ticks) after([](Swarm& s) { s.tick(); });
@@ -74,7 +76,7 @@ class Swarm {
   std::string conflict() const {
     for (std::size_t i = 0; i < n_; ++i) {
       for (std::size_t j = 0; j < i; ++j) {
-        if (!motions_separated(*robots_[i].protocol.motion(), *robots_[j].protocol.motion(), now(), 2 * kRadius))
+        if (!motions_separated(flown(i), flown(j), kStart + tick_ * kTick, 2 * kRadius))
           return "robots " + std::to_string(i) + " and " + std::to_string(j) + " at tick " + std::to_string(tick_);
       }
     }
@@ -150,7 +152,7 @@ class Swarm {
   }
 
  private:
-  Eigen::Vector3d place(std::size_t i) const { return robots_[i].protocol.motion()->at(now()).position; }
+  Eigen::Vector3d place(std::size_t i) const { return robots_[i].protocol.motion()->at(now(i)).position; }
   Eigen::Vector3d way_out(std::size_t i) const {
     for (std::size_t j = 0; j < n_; ++j) {
       const Eigen::Vector3d apart = place(i) - place(j);
@@ -167,16 +169,25 @@ class Swarm {
 
   CommitProtocol make(std::size_t i, std::int32_t boot) const {
     CommitProtocol::Rules rules{static_cast<int>(i), boot, {}, kRadius, kSeparation};
+    for (const Duration ahead : scope_.ahead) rules.clock_error_s = std::max(rules.clock_error_s, to_seconds(ahead));
     for (std::size_t j = 0; j < n_; ++j) rules.roster.push_back(static_cast<int>(j));
     return CommitProtocol(rules);
   }
-  Utime now() const { return kStart + tick_ * kTick; }
+  Duration ahead(std::size_t i) const { return scope_.ahead.empty() ? 0us : scope_.ahead[i]; }
+  Utime now(std::size_t i) const { return kStart + tick_ * kTick + ahead(i); }
+  // What a robot is bound to, by a clock that is right.
+  Motion flown(std::size_t i) const {
+    Motion motion = *robots_[i].protocol.motion();
+    motion.committed.shift(-ahead(i));
+    motion.next.shift(-ahead(i));
+    return motion;
+  }
   std::vector<announcement_t>& link(std::size_t from, std::size_t to) { return links_[from * n_ + to]; }
   const std::vector<announcement_t>& link(std::size_t from, std::size_t to) const { return links_[from * n_ + to]; }
   void keep(std::size_t i) { robots_[i].kept = robots_[i].protocol.state(); }
 
   // What a node does after every event.
-  void settle(std::size_t i) { settle(i, now()); }
+  void settle(std::size_t i) { settle(i, now(i)); }
   void settle(std::size_t i, Utime utime) {
     Robot& robot = robots_[i];
     robot.protocol.advance(utime);
@@ -194,7 +205,7 @@ class Swarm {
   // What is under way is the newest: whatever is lost is repeated.
   void send(std::size_t from, std::size_t to) {
     announcement_t message = robots_[from].protocol.state();
-    message.header = make_header(static_cast<int>(from), robots_[from].boot, 0, now());
+    message.header = make_header(static_cast<int>(from), robots_[from].boot, 0, now(from));
     link(from, to).push_back(message);
     if (link(from, to).size() > scope_.copies) link(from, to).erase(link(from, to).begin());
   }
@@ -204,10 +215,10 @@ class Swarm {
   }
   void propose_to(std::size_t i, const Eigen::Vector3d& to) {
     Robot& robot = robots_[i];
-    const Utime start = now() + kTick;
+    const Utime start = now(i) + scope_.lead;
     const Trajectory flight = quintic_to(robot.protocol.motion()->at(start), start, to, 1.0, 1);
     const bool urgent = static_cast<int>(i) == scope_.urgent;
-    (void)robot.protocol.propose(now(), flight, urgent);
+    (void)robot.protocol.propose(now(i), flight, urgent);
     settle(i);
   }
   void deliver(std::size_t from, std::size_t to, std::size_t version) {
@@ -219,7 +230,7 @@ class Swarm {
       link(from, to).erase(link(from, to).begin(), link(from, to).begin() + static_cast<std::ptrdiff_t>(version) + 1);
     }
     ASSERT_TRUE(robots_[to].protocol.is_of_roster(message));
-    robots_[to].protocol.receive(now(), message);
+    robots_[to].protocol.receive(now(to), message);
     settle(to);
   }
   // The newest of everything, until nobody has news.
@@ -240,7 +251,7 @@ class Swarm {
     --crashes_;
     if (!scope_.same_boot) ++robot.boot;
     Motion motion = motion_of(robot.kept);
-    if (scope_.forgets) motion = {Trajectory::hover(1, now(), motion.at(now()).position), {}};
+    if (scope_.forgets) motion = {Trajectory::hover(1, now(i), motion.at(now(i)).position), {}};
     robot.protocol = make(i, robot.boot);
     robot.protocol.start(motion);
     robot.kept = robot.protocol.state();
@@ -330,6 +341,15 @@ TEST(CommitProtocol, TwoRobotsAndTwoCrashes) {
 TEST(CommitProtocol, TwoRobotsThatMeet) {
   expect_safe({.sites = kSites, .goals = kSwap, .ticks = 4, .strangers = true}, 14'000);
   expect_safe({.sites = kSites, .goals = kSwap, .ticks = 3, .crashes = 1, .strangers = true}, 48'000);
+}
+
+// A flight starts as soon as it may; by the clock of who is to agree it starts at the very moment.
+TEST(CommitProtocol, TwoRobotsWhoseClocksDiffer) {
+  const auto scope = [](Duration first, Duration second) {
+    return Scope{.sites = kSites, .goals = kSwap, .ticks = 3, .crashes = 1, .ahead = {first, second}, .lead = 20ms};
+  };
+  expect_safe(scope(20ms, 0us), 5'000);
+  expect_safe(scope(0us, 20ms), 5'000);
 }
 
 TEST(CommitProtocol, ThreeRobotsOverLossyLinks) {
