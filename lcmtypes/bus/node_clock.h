@@ -2,6 +2,7 @@
 #pragma once
 
 #include <functional>
+#include <utility>
 
 #include "lcmtypes/bus/time.h"
 
@@ -42,11 +43,28 @@ class NodeClock {
   // From now on the node's time is the wall clock's.
   void adopt_step();
 
+  // What hosts do before each call of a node: offers it a step, and adopts it if take(step) says so. It is offered
+  // again each time until it is taken; take(0) tells that the wall clock is back.
+  enum class Offer { kNone, kTaken, kRefused, kRefusedAgain };
+  template <class Take>
+  Offer offer_step(const Take& take) {
+    const bool was_offered = std::exchange(is_offered_, step_ != Duration());
+    if (!is_offered_) {
+      if (was_offered) (void)take(step_);
+      return Offer::kNone;
+    }
+    if (!take(step_)) return was_offered ? Offer::kRefusedAgain : Offer::kRefused;
+    adopt_step();
+    is_offered_ = false;
+    return Offer::kTaken;
+  }
+
  private:
   Duration uptime_;
   Utime started_;  // when the computer was, by the node's time
   Duration step_{};
-  Duration rest_{};  // too short a time for a microsecond of slew
+  bool is_offered_ = false;  // the step, and it was not taken
+  Duration rest_{};          // too short a time for a microsecond of slew
 };
 
 }  // namespace swarm

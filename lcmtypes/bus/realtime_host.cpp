@@ -190,25 +190,19 @@ class RealtimeHost::Seat : public Outbox {
   // Tells the node of steps of the wall clock, and takes them when it agrees.
   void watch_clock() {
     const Utime time = now();
-    const Duration step = clock_.step();
-    const auto step_ms = step / 1ms;
-    const bool was_stepped = std::exchange(is_stepped_, step != 0us);
-    if (step == 0us) {
-      if (was_stepped) (void)node_.on_clock_step(time, step);
-    } else if (config_.source == TimeSource::kMessages || node_.on_clock_step(time, step)) {
-      clock_.adopt_step();
-      is_stepped_ = false;
-      if (clock_warnings_.pass()) spdlog::warn("{}: the system clock jumped by {} ms", name_, step_ms);
-    } else if (!was_stepped) {
+    const auto step_ms = clock_.step() / 1ms;
+    const NodeClock::Offer offer = clock_.offer_step(
+        [&](Duration step) { return config_.source == TimeSource::kMessages || node_.on_clock_step(time, step); });
+    if (offer == NodeClock::Offer::kTaken && clock_warnings_.pass())
+      spdlog::warn("{}: the system clock jumped by {} ms", name_, step_ms);
+    if (offer == NodeClock::Offer::kRefused)
       spdlog::warn("{}: the system clock jumped by {} ms, which is taken over when the robot rests", name_, step_ms);
-    }
   }
 
   std::string name_;
   Node& node_;
   HostClock config_;
   NodeClock clock_;
-  bool is_stepped_ = false;  // the wall clock, and the node has not agreed yet
   Duration replay_offset_{};
   std::array<Port, 2> ports_;
   boost::asio::steady_timer timer_;

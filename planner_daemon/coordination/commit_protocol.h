@@ -6,9 +6,9 @@
 // its committed motion C, which ends at rest, and may announce one pending trajectory P that leaves C at a time t_b.
 //  1. Announce: P is free of every peer's C and of every P of a peer that this robot acknowledged.
 //  2. Judge a peer's P, once: what has begun by any clock (`clock_error_s`) is refused, and what conflicts with the own
-//     C; of two P in conflict the older stamp wins (then the
-//     lower id), and the loser is refused or withdrawn; all else is acknowledged. An acknowledgement binds: the peer's
-//     P counts as flown until a newer announcement of the peer no longer shows it. It never expires.
+//     C; of two P in conflict the older stamp wins (then the lower id), and the loser is refused or withdrawn; all else
+//     is acknowledged. An acknowledgement binds: the peer's P counts as flown until a newer announcement of the peer no
+//     longer shows it. It never expires.
 //  3. Commit before t_b, when every roster peer was heard and has heard this start of the daemon and, for each of them,
 //     (this robot holds the pair, or the peer acknowledged P) and P is free of what it acknowledged and, if it holds,
 //     free of the peer's C. The commit is on disk before it is announced or flown.

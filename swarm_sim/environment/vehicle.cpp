@@ -10,7 +10,7 @@ constexpr Duration kSetpointTimeout = 50ms;
 }  // namespace
 
 Vehicle::Vehicle(int robot_id, const Eigen::Vector3d& start, Duration clock_offset)
-    : id_(robot_id), clock_offset_(clock_offset), setpoints_offset_(clock_offset) {
+    : id_(robot_id), clock_offset_(clock_offset), controller_offset_(clock_offset), setpoints_offset_(clock_offset) {
   state_.position = start;
 }
 
@@ -18,7 +18,12 @@ void Vehicle::on_setpoint(Utime utime, std::span<const std::uint8_t> bytes) {
   sogm_swarm::setpoint_t setpoint;
   if (receive(bytes, FromRobot{id_}, {}, setpoints_, &setpoint) != Refusal::kNone) return;
   const Utime then = to_utime(setpoint.header.utime);
-  if (std::chrono::abs(utime + setpoints_offset_ - then) > kSetpointTimeout) setpoints_offset_ = then - utime;
+  const auto is_of_now = [&](Duration offset) { return std::chrono::abs(utime + offset - then) <= kSetpointTimeout; };
+  if (is_of_now(controller_offset_)) {
+    setpoints_offset_ = controller_offset_;
+  } else if (!is_of_now(setpoints_offset_)) {
+    setpoints_offset_ = then - utime;
+  }
   setpoint_ = setpoint;
 }
 

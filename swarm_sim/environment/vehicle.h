@@ -36,7 +36,8 @@ class Vehicle {
  private:
   int id_;
   Duration clock_offset_;
-  Duration setpoints_offset_;  // of the clock by which it is told where to fly
+  Duration controller_offset_;  // of the flight controller's clock, which nobody sets
+  Duration setpoints_offset_;   // of the clock by which it is told where to fly
   MotionState state_;
   double yaw_rad_ = 0.0;
   SequenceGate setpoints_;

@@ -3,7 +3,6 @@
 #include <array>
 #include <limits>
 #include <tuple>
-#include <utility>
 
 #include "lcmtypes/bus/node_clock.h"
 
@@ -26,7 +25,6 @@ class LockstepHost::Place : public Outbox {
   void restart() {
     node_.reset();
     clock_ = NodeClock(read());
-    is_stepped_ = false;
     node_ = make_node_();
   }
   void step_clock(Duration by) { seat_.clock_offset += by; }
@@ -48,24 +46,15 @@ class LockstepHost::Place : public Outbox {
  private:
   ClockReading read() const { return {host_.now_.time_since_epoch(), host_.now_ + seat_.clock_offset}; }
   Utime time() { return clock_.read(read()); }
-  // As the real-time host does.
   void watch_clock() {
     const Utime time = this->time();
-    const Duration step = clock_.step();
-    const bool was_stepped = std::exchange(is_stepped_, step != 0us);
-    if (step == 0us) {
-      if (was_stepped) (void)node_->on_clock_step(time, step);
-    } else if (node_->on_clock_step(time, step)) {
-      clock_.adopt_step();
-      is_stepped_ = false;
-    }
+    (void)clock_.offer_step([&](Duration step) { return node_->on_clock_step(time, step); });
   }
 
   Seat seat_;
   LockstepHost& host_;
   NodeFactory make_node_;
   NodeClock clock_{read()};
-  bool is_stepped_ = false;  // the clock, and the node has not agreed yet
   std::unique_ptr<Node> node_;
 };
 

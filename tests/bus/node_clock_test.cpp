@@ -101,6 +101,34 @@ TEST(NodeClock, ForgetsAStepThatWasTakenBack) {
   computer.expect_steady();
 }
 
+// Whoever lives by it is asked until he takes the step, and told when there is none any more.
+TEST(NodeClock, AStepIsOfferedUntilItIsTaken) {
+  using Offer = NodeClock::Offer;
+  Computer computer;
+  std::vector<Duration> asked;
+  const auto offer = [&](bool takes) {
+    return computer.clock.offer_step([&](Duration step) { return asked.push_back(step), takes; });
+  };
+  EXPECT_EQ(offer(true), Offer::kNone);
+  computer.at.wall += 3s;
+  computer.run(0.1);
+  EXPECT_EQ(offer(false), Offer::kRefused);
+  EXPECT_EQ(offer(false), Offer::kRefusedAgain);
+  EXPECT_EQ(offer(true), Offer::kTaken);
+  EXPECT_EQ(computer.clock.read(computer.at), computer.at.wall);
+  EXPECT_EQ(offer(true), Offer::kNone);
+  EXPECT_EQ(asked, (std::vector<Duration>{3s, 3s, 3s}));
+  computer.time = computer.at.wall;
+  computer.at.wall -= 1s;
+  computer.run(0.1);
+  EXPECT_EQ(offer(false), Offer::kRefused);
+  computer.at.wall += 1s;
+  computer.run(0.1);
+  EXPECT_EQ(offer(true), Offer::kNone);
+  EXPECT_EQ(offer(true), Offer::kNone);
+  EXPECT_EQ(asked, (std::vector<Duration>{3s, 3s, 3s, -1s, 0s}));
+}
+
 TEST(NodeClock, TheComputersClocksGoOn) {
   const Duration up = uptime();
   const Utime wall = wall_utime();

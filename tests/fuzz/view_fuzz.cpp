@@ -1,6 +1,9 @@
 // A browser that watches a log: events of any time and content, and commands of any kind between frames. Every frame
-// can be read, and where the time is set by a command it is that.
-#include <cmath>
+// can be read and is of a time within the log.
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
 
 #include "tests/fuzz/fuzz_input.h"
 #include "tools/viewer/log_player.h"

@@ -1,8 +1,8 @@
 // What a browser, or whoever else, may send to the view's web server: any bytes over a real connection, in pieces. The
 // server answers or hangs up, in HTTP, and is there for the next one.
 #include <boost/asio/ip/tcp.hpp>
-#include <boost/asio/write.hpp>
-#include <chrono>
+#include <memory>
+#include <string>
 
 #include "tests/fuzz/fuzz_input.h"
 #include "tools/viewer/web_server.h"

@@ -99,21 +99,26 @@ TEST_P(HostTest, RunsANodeUntilTheSignal) {
 }
 INSTANTIATE_TEST_SUITE_P(Signals, HostTest, testing::Values(SIGTERM, SIGINT));
 
+// Runs the host until a message was so often on a bus; how often it was.
+int run_until_heard(RealtimeHost& host, const std::string& url, const char* channel, int times) {
+  int heard = 0;
+  LcmBus bus(url);
+  bus.subscribe(channel, [&](auto, auto) { ++heard; });
+  std::thread stopper([&] {
+    wait_until(bus, [&] { return heard >= times; });
+    host.stop();
+  });
+  host.run();
+  stopper.join();
+  return heard;
+}
+
 TEST_F(LcmBusTest, HostRunsSeveralNodesUntilStopped) {
   ToyNode first, second;
   RealtimeHost host;
   host.add("first", first, test_url(4), test_url(6));
   host.add("second", second, test_url(5), test_url(6));
-  int heard = 0;
-  LcmBus onboard(test_url(5));
-  onboard.subscribe("TICK", [&](auto, auto) { ++heard; });
-  std::thread stopper([&] {
-    wait_until(onboard, [&] { return heard >= 3; });
-    host.stop();
-  });
-  host.run();
-  stopper.join();
-  EXPECT_GE(heard, 3);
+  EXPECT_GE(run_until_heard(host, test_url(5), "TICK", 3), 3);
 }
 
 // What does not come over a bus: the node speaks through the host all the same, and steps after it.
@@ -129,16 +134,7 @@ TEST_F(LcmBusTest, HostDeliversToItsNodes) {
       outbox.publish_bytes(BusId::kOnboard, "PONG", Bytes{7});
     });
   });
-  int heard = 0;
-  LcmBus onboard(test_url(4));
-  onboard.subscribe("PONG", [&](auto, auto) { ++heard; });
-  std::thread stopper([&] {
-    wait_until(onboard, [&] { return heard >= 1; });
-    host.stop();
-  });
-  host.run();
-  stopper.join();
-  EXPECT_EQ(heard, 1);
+  EXPECT_EQ(run_until_heard(host, test_url(4), "PONG", 1), 1);
   EXPECT_LE(std::chrono::abs(wall_utime() - delivered), 10s);
 }
 
