@@ -99,8 +99,8 @@ TEST(RunCommand, BadOptionsAreRefusedByNameValueAndRule) {
   expect_complaint({"swarm_sim", "run"}, {"world is missing"});
   expect({"extra"}, {"extra"});
   expect({"--fast"}, {"unknown option '--fast'"});
-  expect({"--time-limit", "0"}, {"--time-limit 0", "[0.1, 3600] s"});
-  expect({"--time-limit", "nan"}, {"--time-limit nan", "[0.1, 3600] s"});
+  expect({"--time-limit", "0"}, {"--time-limit 0", "[0.1, 86400] s"});
+  expect({"--time-limit", "nan"}, {"--time-limit nan", "[0.1, 86400] s"});
   expect({"--time-limit"}, {"--time-limit"});
   expect({"--time-limit", "1", "--time-limit", "2"}, {"--time-limit", "twice"});
   expect({"--sensor-rate", "1000"}, {"--sensor-rate 1000", "[1, 100] Hz"});
