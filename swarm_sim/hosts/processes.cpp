@@ -224,7 +224,7 @@ RunReport run_processes(const World& world, const OccupiedCubes* static_map, con
   Simulation simulation(world, static_map, {options.time_limit_s, options.clock_offset_ms, options.clock_steps},
                         wall_utime(), follow_flight(trace, progress, [&host] { host.stop(); }));
   Relay relay(options.link, seed_of(world.name), [&](Utime utime) { return simulation.t_s(utime); });
-  BusRecorder recorder(logs);
+  BusRecorder recorder(logs, !options.clock_steps.empty());
   const std::vector<RobotPlace> places = places_of(world, processes, relayed);
   const std::vector<Duration> clocks = clock_offsets(options.clock_offset_ms, world);
   const std::int32_t boot = new_boot();

@@ -12,8 +12,8 @@ namespace swarm {
 
 class BusRecorder {
  public:
-  // `log` (may be null) must outlive it.
-  explicit BusRecorder(BusLog* log) : log_(log) {}
+  // `log` (may be null) must outlive it. `clocks_are_set`: robots' clocks, in flight; see CommitAudit::collect.
+  BusRecorder(BusLog* log, bool clocks_are_set) : log_(log), clocks_are_set_(clocks_are_set) {}
 
   // One message, once for all who hear it. `robot_id`: of the sender.
   void hear(Utime now, BusId bus, int robot_id, std::string_view channel, std::span<const std::uint8_t> bytes);
@@ -23,6 +23,7 @@ class BusRecorder {
 
  private:
   BusLog* log_;
+  bool clocks_are_set_;
   std::map<std::string, ChannelCount, std::less<>> channels_;
   CommitAudit audit_;
 };

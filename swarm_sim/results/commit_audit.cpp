@@ -13,6 +13,7 @@ namespace swarm {
 namespace {
 
 constexpr Duration kLately = 5s;  // so long a forced motion excuses that it meets others
+constexpr Duration kSet = 20ms;  // a clock that differs so much from what it was given has been set; a packet is faster
 
 }  // namespace
 
@@ -69,9 +70,10 @@ void CommitAudit::hear(const Announcement& announcement) {
   }
 }
 
-void CommitAudit::collect(std::span<const std::uint8_t> bytes) {
+void CommitAudit::collect(std::span<const std::uint8_t> bytes, std::optional<Utime> sent) {
   Announcement announcement;
   if (!read(bytes, &announcement)) return;
+  announcement.sent = sent;
   const auto [newest, is_first] = newest_.try_emplace(announcement.header.robot_id, announcement);
   if (!is_first && !announcement.differs(newest->second)) return;
   newest->second = announcement;
@@ -82,7 +84,12 @@ void CommitAudit::finish(double clock_offset_ms) {
   const std::vector<Duration> offsets = clock_offsets(clock_offset_ms, newest_.size());
   for (Announcement& announcement : collected_) {
     const auto place = std::distance(newest_.begin(), newest_.find(announcement.header.robot_id));
-    announcement.set_back(offsets[static_cast<std::size_t>(place)]);
+    Duration offset = offsets[static_cast<std::size_t>(place)];
+    if (announcement.sent) {
+      const Duration ahead = to_utime(announcement.header.utime) - *announcement.sent;
+      if (std::chrono::abs(ahead - offset) > kSet) offset = ahead;
+    }
+    announcement.set_back(offset);
   }
   std::ranges::stable_sort(collected_, {}, [](const Announcement& a) { return a.header.utime; });
   for (const Announcement& announcement : collected_) hear(announcement);

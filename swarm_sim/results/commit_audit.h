@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <map>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -28,7 +29,8 @@ class CommitAudit {
   void hear(std::span<const std::uint8_t> bytes, Duration clock_offset = {});
   // The same in any order; finish() then hears them in the order of their header times, which is that of cause and
   // effect where none of what a robot sent is missing. `clock_offset_ms`: as in FlightOptions, of the robots heard.
-  void collect(std::span<const std::uint8_t> bytes);
+  // `sent`: by the world's clock, for robots whose clocks are set in flight; it tells what their stamps are worth.
+  void collect(std::span<const std::uint8_t> bytes, std::optional<Utime> sent = {});
   void finish(double clock_offset_ms = 0.0);
 
   int robots() const { return static_cast<int>(robots_.size()); }
@@ -42,6 +44,7 @@ class CommitAudit {
     double radius_m = 0.0;
     Motion motion;
     std::int32_t forced_seq = 0;  // newest that was committed without everybody's word
+    std::optional<Utime> sent;    // by the world's clock, where that counts
 
     void set_back(Duration clock_offset);  // to the world's time
     // Bound to one that was forced lately.

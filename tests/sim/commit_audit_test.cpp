@@ -95,6 +95,30 @@ TEST(CommitAudit, TimesAreSetBackByTheClocksOffset) {
   }
 }
 
+// A clock that is set in flight moves a robot's stamps, not its motion; one that it was given is known more exactly.
+TEST(CommitAudit, ClocksThatAreSetAreMeasured) {
+  const Trajectory first = flight(Trajectory::hover(1, kStart, {-2, 0, 1}), {2, 0, 1});
+  const Trajectory later = flight(Trajectory::hover(1, kStart, {0, -2, 1}), {0, 2, 1});
+  const auto conflicts = [&](Duration apart, Duration set, std::optional<Duration> sent) {
+    CommitAudit audit;
+    Trajectory second = later;
+    second.shift(apart + set);
+    announcement_t message{};
+    if (decode(announcement(1, 0, second), &message) != Refusal::kNone) throw std::runtime_error("not an announcement");
+    message.header.utime += set.count();
+    audit.collect(announcement(0, 0, first), sent ? std::optional(kStart) : std::nullopt);
+    audit.collect(encoded(message), sent ? std::optional(kStart + *sent) : std::nullopt);
+    audit.finish();
+    return audit.conflicts().size();
+  };
+  EXPECT_EQ(conflicts(0ms, 0ms, 0ms), 1u);
+  EXPECT_EQ(conflicts(400ms, 0ms, 0ms), 0u);
+  EXPECT_EQ(conflicts(0ms, -3s, 0ms), 1u);
+  EXPECT_EQ(conflicts(400ms, -400ms, 0ms), 0u);
+  EXPECT_EQ(conflicts(400ms, -400ms, {}), 1u);  // nobody measured
+  EXPECT_EQ(conflicts(0ms, 0ms, 15ms), 1u);     // a packet that took its time
+}
+
 TEST(CommitAudit, ALogOfAFlightOverABadLinkIsClean) {
   const TemporaryDirectory directory;
   const World world = make_world(Task::kCircle, Environment::kEmpty, 0, 3, {.robots = 4, .circle_m = 2.5});
