@@ -26,26 +26,6 @@ Eigen::Vector3d to_vector(const double (&v)[3]) {
   return {v[0], v[1], v[2]};
 }
 
-Shape::Kind to_kind(std::int16_t shape) {
-  switch (shape) {
-    case obstacle_t::kRing:
-      return Shape::Kind::kRing;
-    case obstacle_t::kBox:
-      return Shape::Kind::kBox;
-    case obstacle_t::kSphere:
-      return Shape::Kind::kSphere;
-    default:
-      return Shape::Kind::kColumn;
-  }
-}
-
-Obstacle to_obstacle(const obstacle_t& message, Utime utime) {
-  return {.shape = {.kind = to_kind(message.shape), .size = to_vector(message.size), .yaw_rad = message.yaw},
-          .position = to_vector(message.position),
-          .velocity = to_vector(message.velocity),
-          .utime = utime - to_duration(message.age_s)};
-}
-
 Obstacle to_obstacle(const sogm_swarm::obstacle_voxels_t& message) {
   Obstacle obstacle{.shape = {.kind = Shape::Kind::kVoxels, .size = {message.resolution, 0.0, 0.0}},
                     .position = to_vector(message.position),
@@ -102,8 +82,15 @@ void declare(OptionSet& options, MapConfig& config) {
   options.add("growth", &config.growth_mps, 0, 10, "m/s", "growth of the margin with prediction time");
   options.add("max-rate", &config.max_rate_hz, 0.1, 1000, "Hz", "of maps, however fast obstacles arrive");
   options.add("min-rate", &config.min_rate_hz, 0.1, 1000, "Hz", "of maps while no obstacles arrive");
-  options.add("obstacle-timeout", &config.obstacle_timeout_s, 0.01, 60, "s",
+  options.add("obstacle-timeout", &config.tracks.timeout_s, 0.01, 60, "s",
               "obstacles not reported for so long are forgotten");
+  options.add("obstacle-acceleration", &config.tracks.acceleration_mps2, 0, 100, "m/s^2",
+              "of obstacles, over a second: how fast what was measured of them grows old");
+  options.add("sensor-latency", &config.tracks.latency_s, 0, 60, "s", "age of reports that do not say theirs");
+  options.add("track-margin", &config.track_margin, 0, 10, "",
+              "the margin grows by so many standard deviations of an obstacle's position");
+  options.add("track-growth", &config.track_growth, 0, 10, "",
+              "the growth of the margin grows by so many standard deviations of its velocity");
   options.add("state-timeout", &config.state_timeout_s, 0.01, 60, "s", "no maps with an older robot state");
   options.add("clock-limit", &config.clock_limit_s, 0.001, 10, "s", "messages from further in the future are refused");
 }
@@ -137,7 +124,8 @@ MapNode::MapNode(const MapConfig& config, std::int32_t boot, Stopwatch stopwatch
       stopwatch_(std::move(stopwatch)),
       publish_durations_(publish_durations),
       map_headers_(config.robot_id, boot),
-      status_headers_(config.robot_id, boot) {
+      status_headers_(config.robot_id, boot),
+      tracker_(config.tracks) {
   verify(config);
   if (config.static_map.empty()) return;
   const auto tree = read_octomap(config.static_map);
@@ -185,10 +173,7 @@ Refusal MapNode::on_obstacles(Utime now, std::span<const std::uint8_t> bytes) {
   sogm_swarm::obstacles_t message;
   const Refusal refusal = receive(bytes, FromRobot{config_.robot_id}, window(now), obstacle_gate_, &message);
   if (refusal != Refusal::kNone) return refusal;
-  obstacles_.clear();
-  for (const obstacle_t& obstacle : message.obstacles)
-    obstacles_.push_back(to_obstacle(obstacle, to_utime(message.header.utime)));
-  obstacles_utime_ = to_utime(message.header.utime);
+  tracker_.update(message);
   obstacles_are_new_ = true;
   return Refusal::kNone;
 }
@@ -219,8 +204,7 @@ std::int16_t MapNode::state(Utime now) const {
 // All was where it was when it was; by which clock that is told anew.
 bool MapNode::on_clock_step(Utime, Duration step) {
   state_utime_ += step;
-  obstacles_utime_ += step;
-  for (Obstacle& obstacle : obstacles_) obstacle.utime += step;
+  tracker_.shift(step);
   for (auto& [id, entry] : voxel_obstacles_) {
     entry.obstacle.utime += step;
     entry.reported_utime += step;
@@ -250,9 +234,9 @@ Utime MapNode::step(Utime now, Outbox& outbox) {
 
 // By the time of the report, not of the measurement: what a tracker still reports it believes in, however old.
 void MapNode::forget_unreported(Utime now) {
-  const auto unreported = [&](Utime utime) { return !fresh(utime, config_.obstacle_timeout_s, now); };
-  if (unreported(obstacles_utime_)) obstacles_.clear();
-  std::erase_if(voxel_obstacles_, [&](const auto& entry) { return unreported(entry.second.reported_utime); });
+  tracker_.forget(now, to_duration(config_.clock_limit_s));
+  std::erase_if(voxel_obstacles_,
+                [&](const auto& entry) { return !fresh(entry.second.reported_utime, config_.tracks.timeout_s, now); });
 }
 
 void MapNode::build(Utime now) {
@@ -263,7 +247,10 @@ void MapNode::build(Utime now) {
 
   sogm_.reset(geometry, config_.num_frames(), now, to_duration(config_.frame_s));
   if (static_map_) static_map_->copy_into(&sogm_);
-  for (const Obstacle& obstacle : obstacles_) rasterize(obstacle, config_.reach_m(), config_.growth_mps, &sogm_);
+  for (const Track& track : tracker_.tracks()) {
+    rasterize(track.obstacle, config_.reach_m() + config_.track_margin * position_sigma_m(track, now),
+              config_.growth_mps + config_.track_growth * velocity_sigma_mps(track), &sogm_);
+  }
   for (const auto& [id, entry] : voxel_obstacles_)
     rasterize(entry.obstacle, config_.reach_m(), config_.growth_mps, &sogm_);
   build_.done(now);
@@ -284,7 +271,7 @@ void MapNode::publish_status(Utime now, Outbox& outbox) {
   status.rate_hz = static_cast<float>((maps_ - maps_at_last_status_) / to_seconds(kStatusPeriod));
   status.build_ms = publish_durations_ ? static_cast<float>(build_ms_) : 0.0f;
   status.map_bytes = encoder_.compressed_bytes();
-  status.obstacles = static_cast<std::int32_t>(obstacles_.size() + voxel_obstacles_.size());
+  status.obstacles = static_cast<std::int32_t>(tracker_.tracks().size() + voxel_obstacles_.size());
   refused_.copy_to(status.refused);
   outbox.publish(BusId::kOnboard, channel::kMapStatus, status);
   maps_at_last_status_ = maps_;

@@ -18,6 +18,7 @@
 #include "map_daemon/obstacle.h"
 #include "map_daemon/sogm_codec.h"
 #include "map_daemon/static_map.h"
+#include "map_daemon/tracker.h"
 
 namespace swarm {
 
@@ -29,13 +30,15 @@ struct MapConfig {
   double horizon_s = 2.0;                     // a whole number of frames
   double v_max_mps = 2.0, a_max_mps2 = 6.0;   // of the robot, per axis: it must be able to stop inside the window
   std::string static_map;                     // OctoMap file; empty: none
-  double margin_m = 0.0;            // voxels whose centres come half a voxel and this close to obstacles are occupied
-  double growth_mps = 0.0;          // the margin grows by this per second of prediction
-  double max_rate_hz = 30.0;        // of maps; faster than obstacles arrive, or maps wait for their turn
-  double min_rate_hz = 10.0;        // of maps while no obstacles arrive
-  double obstacle_timeout_s = 1.0;  // obstacles that are no longer reported are forgotten
-  double state_timeout_s = 0.5;     // no maps with an older robot state
-  double clock_limit_s = 0.1;       // messages from further in the future are refused
+  double margin_m = 0.0;         // voxels whose centres come half a voxel and this close to obstacles are occupied
+  double growth_mps = 0.0;       // the margin grows by this per second of prediction
+  double max_rate_hz = 30.0;     // of maps; faster than obstacles arrive, or maps wait for their turn
+  double min_rate_hz = 10.0;     // of maps while no obstacles arrive
+  TrackerConfig tracks;          // of reported obstacles
+  double track_margin = 1.0;     // the margin grows by so many standard deviations of where an obstacle is
+  double track_growth = 0.5;     // and the growth by so many of its velocity
+  double state_timeout_s = 0.5;  // no maps with an older robot state
+  double clock_limit_s = 0.1;    // messages from further in the future are refused
 
   int num_frames() const;
   Eigen::Vector3d window_m() const;  // the least one, sideways also what stopping takes
@@ -94,8 +97,7 @@ class MapNode : public Node {
   bool has_state_ = false;
   Eigen::Vector3d position_, velocity_;  // of the robot at state_utime_, W
   Utime state_utime_{};
-  std::vector<Obstacle> obstacles_;  // of the newest OBSTACLES
-  Utime obstacles_utime_{};
+  Tracker tracker_;                                        // of OBSTACLES
   std::map<std::int32_t, VoxelObstacle> voxel_obstacles_;  // by id
 
   bool obstacles_are_new_ = false;

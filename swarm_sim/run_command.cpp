@@ -74,7 +74,7 @@ class ProgressLine {
 volatile std::sig_atomic_t stopped = 0;
 
 RunReport fly(const RunOptions& run, const FlightOptions& flight, const World& world, const OccupiedCubes* static_map,
-              BusLog* logs, TraceWriter* trace) {
+              BusLog* logs, FlightTrace* trace) {
   ProgressLine line;
   const auto progress = [&](double t_s, const Simulation& simulation) {
     line.show(t_s, simulation.judge());
@@ -104,7 +104,7 @@ int run_command(int argc, const char* const* argv) try {
 
   const World read = read_listed_world(run.world);
   const TemporaryDirectory scratch("swarm_sim");
-  const World world = with_walls_in_file(read, scratch.path());
+  const World world = flown_world(with_walls_in_file(read, scratch.path()), run.flight);
   std::optional<OccupiedCubes> static_map;
   if (!world.static_map.empty()) {
     static_map = OccupiedCubes::load(world.static_map);
@@ -112,13 +112,13 @@ int run_command(int argc, const char* const* argv) try {
   }
   const std::filesystem::path out = run.out;
   std::optional<BusLog> logs;
-  std::optional<TraceWriter> trace;
+  std::optional<FlightTrace> trace;
   if (!run.out.empty()) {
     std::filesystem::create_directories(out);
     std::vector<int> ids;
     for (const WorldRobot& robot : world.robots) ids.push_back(robot.id);
     logs.emplace(out, ids);
-    trace.emplace(out / "trace.csv");
+    trace.emplace(out, world.vehicle.kind == "perfect");
     run.processes.out = out;
   }
   const RunReport report =

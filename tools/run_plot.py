@@ -1,7 +1,7 @@
 """Draws a run of `swarm_sim run --out DIR`: seen from above, speed and clearance over time; or a movie.
 
 Called by tools/plot_run as: run_plot.py DIR OUT [TIME_S], and by tools/movie as: run_plot.py DIR OUT.mp4|.gif|.svg --movie SPEED
-Reads world.json, trace.csv and report.json. Knows the obstacles' motion and distance from world.json by itself, so that
+Reads world.json, trace.csv, report.json and, where there is one, commanded.csv. Knows the obstacles' motion and distance from world.json by itself, so that
 what it draws also checks what swarm_sim reports. A static map is not drawn.
 """
 
@@ -29,10 +29,14 @@ class BadInput(Exception):
     """What is wrong with a run: one line with file and rule."""
 
 
+def rows_of(text):
+    return np.array([[float(value) for value in row] for row in list(csv.reader(text.splitlines()))[1:]])
+
+
 class Run:
     def __init__(self, directory):
         directory = pathlib.Path(directory)
-        texts = {}
+        texts, commanded = {}, directory / "commanded.csv"
         for name in ("world.json", "report.json", "trace.csv"):
             try:
                 texts[name] = (directory / name).read_text(encoding="utf-8")
@@ -40,12 +44,14 @@ class Run:
                 raise BadInput(f"{directory / name}: {error.strerror}; must be of a run with --out") from None
         try:
             self.world, self.report = json.loads(texts["world.json"]), json.loads(texts["report.json"])
-            rows = np.array([[float(value) for value in row] for row in list(csv.reader(texts["trace.csv"].splitlines()))[1:]])
+            rows = rows_of(texts["trace.csv"])
             self.robots = {robot["id"]: robot for robot in self.world["robots"]}
             self.goals = {i: [goal["position"] for goal in robot.get("goals", [])] or [robot["goal"]] for i, robot in self.robots.items()}
             self.traces = {i: rows[rows[:, 1] == i] for i in self.robots}
+            told = rows_of(commanded.read_text(encoding="utf-8")) if commanded.exists() else None
+            self.commanded = {} if told is None else {i: told[told[:, 1] == i] for i in self.robots}
             self.t = self.traces[next(iter(self.robots))][:, 0]
-            complete = len(self.t) > 0 and all(trace.shape == (len(self.t), 11) for trace in self.traces.values())
+            complete = len(self.t) > 0 and all(trace.shape == (len(self.t), 11) for traces in (self.traces, self.commanded) for trace in traces.values())
         except (ValueError, KeyError, IndexError, TypeError, StopIteration) as error:
             raise BadInput(f"{directory}: cannot be understood: {error!r}") from None
         if not complete:
@@ -170,18 +176,23 @@ def from_above(run, clearances, time_s):
 
 
 def over_time(run, clearances):
-    figure, axes = plt.subplots(3, 1, figsize=(7, 6.4), sharex=True, layout="constrained")
+    rows = 4 if run.commanded else 3
+    figure, axes = plt.subplots(rows, 1, figsize=(7, 2.1 * rows + 0.1), sharex=True, layout="constrained")
     for i, trace in run.traces.items():
         color = run.color(i)
         axes[0].plot(run.t, np.linalg.norm(trace[:, 5:8], axis=1), color=color, linewidth=1, label=f"robot {i}")
         for axis, gaps in zip(axes[1:], clearances[i]):
             if np.any(np.isfinite(gaps)):
                 axis.plot(run.t, gaps, color=color, linewidth=1)
+        if run.commanded:
+            axes[3].plot(run.t, np.linalg.norm(trace[:, 2:5] - run.commanded[i][:, 2:5], axis=1), color=color, linewidth=1)
     axes[0].set_ylabel("speed [m/s]")
+    if run.commanded:
+        axes[3].set_ylabel("from where it was told to be [m]")
     for axis, what in zip(axes[1:], ("obstacle", "robot")):
         axis.axhline(0.0, color="black", linewidth=0.8)
         axis.set(ylabel=f"to the nearest {what} [m]", ylim=(-0.1, 2.0))
-    axes[2].set_xlabel("t [s]")
+    axes[-1].set_xlabel("t [s]")
     axes[0].legend(loc="upper left", bbox_to_anchor=(1, 1), frameon=False)
     return figure
 

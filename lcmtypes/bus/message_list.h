@@ -8,7 +8,7 @@
 #define SWARM_MESSAGES(MESSAGE)                                                                                   \
   MESSAGE(robot_state_t, SWARM_ON(kRobotState, "ROBOT_STATE", kOnboard))                                          \
   MESSAGE(obstacles_t, SWARM_ON(kObstacles, "OBSTACLES", kOnboard),                                               \
-          SWARM_ARRAY(num_obstacles, obstacles, 94, kMaxTrackedObstacles))                                        \
+          SWARM_ARRAY(num_obstacles, obstacles, 102, kMaxTrackedObstacles))                                       \
   MESSAGE(obstacle_voxels_t, SWARM_ON(kObstacleVoxels, "OBSTACLE_VOXELS", kOnboard),                              \
           SWARM_ARRAY(num_voxels, voxels, 6, kMaxObstacleVoxels))                                                 \
   MESSAGE(goal_t, SWARM_ON(kGoal, "GOAL", kOnboard), SWARM_ARRAY(num_waypoints, waypoints, 48, kMaxWaypoints))    \

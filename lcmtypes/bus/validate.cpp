@@ -57,7 +57,9 @@ Refusal validate(const obstacle_t& m) {
   const int sizes_used = m.shape == obstacle_t::kBox ? 3 : m.shape == obstacle_t::kSphere ? 1 : 2;
   return verdict(m.id >= 0 && within(m.shape, obstacle_t::kColumn, obstacle_t::kSphere) &&
                      all_within(m.position, kMaxPosition_m) && all_within(m.velocity, kMaxVelocity_mps) &&
-                     yaw_ok(m.yaw) && all_within(m.size, 0.0, kMaxObstacleSize_m) && within(m.age_s, 0.0, 60.0),
+                     yaw_ok(m.yaw) && all_within(m.size, 0.0, kMaxObstacleSize_m) && within(m.age_s, 0.0, 60.0) &&
+                     within(m.position_sigma, 0.0, kMaxObstacleSize_m) &&
+                     (m.velocity_sigma == -1.0f || within(m.velocity_sigma, 0.0, kMaxVelocity_mps)),
                  std::all_of(m.size + sizes_used, m.size + 3, [](double size) { return size == 0.0; }));
 }
 
@@ -138,6 +140,7 @@ Refusal validate(const setpoint_t& m) {
 }
 
 Refusal validate(const obstacles_t& m) {
+  if (!within(m.complete, 0, 1)) return Refusal::kValue;
   for (const obstacle_t& obstacle : m.obstacles) {
     if (const Refusal refusal = validate(obstacle); refusal != Refusal::kNone) return refusal;
   }

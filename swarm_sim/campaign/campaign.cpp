@@ -159,6 +159,7 @@ std::vector<TrialRow> merge_results(const std::vector<std::filesystem::path>& pa
     }
   }
   std::vector<TrialRow> merged;
+  merged.reserve(rows.size());
   for (auto& [name, row] : rows) merged.push_back(std::move(row));
   return merged;
 }
@@ -185,7 +186,7 @@ bool fly_campaign(const std::vector<Trial>& trials, const FlightArguments& argum
       }
       try {
         const TemporaryDirectory scratch("swarm_sim");
-        const World world = with_walls_in_file(trial->world(), scratch.path());
+        const World world = flown_world(with_walls_in_file(trial->world(), scratch.path()), arguments);
         const auto static_map = static_map_of(world);
         bool whole = true;
         const RunReport report =
@@ -205,6 +206,7 @@ bool fly_campaign(const std::vector<Trial>& trials, const FlightArguments& argum
     }
   };
   std::vector<std::thread> workers;
+  workers.reserve(static_cast<std::size_t>(jobs));
   for (int i = 0; i < jobs; ++i) workers.emplace_back(work);
   for (std::thread& worker : workers) worker.join();
   if (failure) std::rethrow_exception(failure);

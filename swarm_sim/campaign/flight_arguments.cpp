@@ -1,6 +1,8 @@
 #include "swarm_sim/campaign/flight_arguments.h"
 
+#include <algorithm>
 #include <iostream>
+#include <variant>
 
 #include "lcmtypes/bus/text.h"
 
@@ -23,7 +25,6 @@ template <class Arguments, class Visit>
 void for_each_number(Arguments& arguments, const Visit& visit) {
   auto& link = arguments.link;
   visit("time-limit", arguments.time_limit_s, 0.1, 86400, "s", "of simulated time");
-  visit("sensor-rate", arguments.sensor_rate_hz, 1, 100, "Hz", "of obstacle detections");
   visit("link-delay-ms", link.delay_ms, 0, 10'000, "ms", "that messages between robots take longer");
   visit("link-jitter-ms", link.jitter_ms, 0, 10'000, "ms", "the delay is uniform within +- this, at least 0");
   visit("link-loss", link.loss, 0, 1, "", "share of the messages between robots that never arrives");
@@ -48,11 +49,38 @@ void for_each_text(Arguments& arguments, const Visit& visit) {
         "config file for every broadcast_daemon; identity, limits and roster come from the world");
 }
 
+// Of a vehicle or a sensor: numbers and words.
+void declare_words(OptionSet& options, const char* name, std::string& value, std::span<const char* const> words,
+                   const char* help) {
+  options.add(name, &value, std::string(help) + ": " + listed(words), [words](const std::string& text) {
+    if (std::ranges::find(words, text) == words.end()) throw OptionError("must be " + listed(words));
+  });
+}
+
+// Visits every vehicle and sensor option.
+template <class Arguments, class Visit>
+void for_each_imperfection(Arguments& arguments, const Visit& visit) {
+  for_each_vehicle_option(arguments.vehicle, visit);
+  for_each_sensor_option(arguments.sensor, visit);
+}
+
+std::string to_text(double value) {
+  return text_of(value);
+}
+std::string to_text(const std::string& value) {
+  return value;
+}
+
 }  // namespace
 
 void declare(OptionSet& options, FlightArguments& arguments) {
   for_each_number(arguments, [&](const char* name, double& value, double low, double high, const char* unit,
                                  const char* help) { options.add(name, &value, low, high, unit, help); });
+  for_each_imperfection(arguments,
+                        Overloaded{[&](const char* name, double& value, double low, double high, const char* unit,
+                                       const char* help) { options.add(name, &value, low, high, unit, help); },
+                                   [&](const char* name, std::string& value, std::span<const char* const> words,
+                                       const char* help) { declare_words(options, name, value, words, help); }});
   for_each_text(arguments, [&](const char* name, std::string& value, const char* help) {
     options.add(name, &value, help, [&value, &arguments](const std::string& text) {
       if (&value == &arguments.outages) (void)parse_outages(text);
@@ -65,7 +93,6 @@ void declare(OptionSet& options, FlightArguments& arguments) {
 FlightOptions flight_options(const FlightArguments& arguments) {
   FlightOptions options;
   options.time_limit_s = arguments.time_limit_s;
-  options.sensor_rate_hz = arguments.sensor_rate_hz;
   overlay(arguments.map_config, &options.map);
   overlay(arguments.planner_config, &options.planner);
   overlay(arguments.broadcast_config, &options.broadcast);
@@ -77,10 +104,29 @@ FlightOptions flight_options(const FlightArguments& arguments) {
   return options;
 }
 
+World flown_world(World world, const FlightArguments& arguments) {
+  const FlightArguments usual_arguments;
+  std::vector<std::variant<double, std::string>> given, usual;
+  const auto collect = [](auto* values) {
+    return [values](const char*, const auto& value, const auto&...) { values->emplace_back(value); };
+  };
+  for_each_imperfection(arguments, collect(&given));
+  for_each_imperfection(usual_arguments, collect(&usual));
+  std::size_t i = 0;
+  for_each_imperfection(world, [&]<class Value>(const char*, Value& value, const auto&...) {
+    if (given[i] != usual[i]) value = std::get<Value>(given[i]);
+    ++i;
+  });
+  return world;
+}
+
 NamedValues option_values(const FlightArguments& arguments) {
   NamedValues values;
   for_each_number(arguments, [&](const char* name, double value, double, double, const char*, const char*) {
     values.emplace_back(name, text_of(value));
+  });
+  for_each_imperfection(arguments, [&](const char* name, const auto& value, const auto&...) {
+    values.emplace_back(name, to_text(value));
   });
   for_each_text(arguments,
                 [&](const char* name, const std::string& value, const char*) { values.emplace_back(name, value); });

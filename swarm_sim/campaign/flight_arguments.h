@@ -6,12 +6,14 @@
 #include "lcmtypes/bus/option_set.h"
 #include "lcmtypes/bus/text.h"
 #include "swarm_sim/hosts/flight_options.h"
+#include "swarm_sim/world/imperfections.h"
 
 namespace swarm {
 
 struct FlightArguments {
   double time_limit_s = 60.0;
-  double sensor_rate_hz = 20.0;
+  VehicleOptions vehicle;  // what differs from the usual goes before what the world says
+  SensorOptions sensor;
   std::string map_config, planner_config, broadcast_config;  // files; empty: defaults
   LinkOptions link;                                          // without its outages
   double clock_offset_ms = 0.0;
@@ -24,6 +26,9 @@ void declare(OptionSet& options, FlightArguments& arguments);
 
 // Reads the config files. Throws OptionError.
 FlightOptions flight_options(const FlightArguments& arguments);
+
+// The world as it is flown: with the vehicles and sensors of the arguments.
+World flown_world(World world, const FlightArguments& arguments);
 
 // Name and value of every option, in a fixed order.
 NamedValues option_values(const FlightArguments& arguments);

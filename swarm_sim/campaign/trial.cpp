@@ -94,6 +94,7 @@ const std::vector<std::string>& trial_columns() {
                                         "to_obstacles_m",
                                         "to_static_map_m",
                                         "to_robots_m",
+                                        "tracking_p99_m",
                                         "max_speed_ratio",
                                         "max_acceleration_ratio",
                                         "max_position_jump_m",
@@ -110,7 +111,7 @@ const std::vector<std::string>& trial_columns() {
 }
 
 TrialRow trial_row(const Trial& trial, const World& world, const RunReport& report, const std::string& command) {
-  double last_s = 0.0, sum_s = 0.0, speed = 0.0, acceleration = 0.0, jump_m = 0.0, step_mps2 = 0.0;
+  double last_s = 0.0, sum_s = 0.0, tracking_m = 0.0, speed = 0.0, acceleration = 0.0, jump_m = 0.0, step_mps2 = 0.0;
   double obstacles_m = INFINITY, static_m = INFINITY, robots_m = INFINITY;
   std::int64_t plans = 0;
   for (std::size_t i = 0; i < report.robots.size(); ++i) {
@@ -123,6 +124,7 @@ TrialRow trial_row(const Trial& trial, const World& world, const RunReport& repo
     obstacles_m = std::min(obstacles_m, verdict.to_obstacles.distance_m);
     static_m = std::min(static_m, verdict.to_static_map.distance_m);
     robots_m = std::min(robots_m, verdict.to_robots.distance_m);
+    tracking_m = std::max(tracking_m, robot.tracking.p99_m);
     speed = std::max(speed, verdict.max_speed_mps.maxCoeff() / limits.speed_mps);
     acceleration = std::max(acceleration, verdict.max_acceleration_mps2.maxCoeff() / limits.acceleration_mps2);
     jump_m = std::max(jump_m, verdict.max_position_jump_m);
@@ -145,6 +147,7 @@ TrialRow trial_row(const Trial& trial, const World& world, const RunReport& repo
                   cell_of(obstacles_m, 4),
                   cell_of(static_m, 4),
                   cell_of(robots_m, 4),
+                  cell_of(tracking_m, 4),
                   cell_of(speed, 5),
                   cell_of(acceleration, 5),
                   cell_of(jump_m, 7),

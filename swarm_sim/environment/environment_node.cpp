@@ -1,8 +1,5 @@
 #include "swarm_sim/environment/environment_node.h"
 
-#include <algorithm>
-#include <optional>
-
 #include "lcmtypes/bus/channels.h"
 
 namespace swarm {
@@ -10,28 +7,13 @@ namespace {
 
 constexpr Duration kGoalPeriod = 1s;
 
-sogm_swarm::obstacle_t to_message(int id, const Shape& shape, const ObstacleState& state, bool moves) {
-  sogm_swarm::obstacle_t message{};
-  message.id = id;
-  message.shape = static_cast<std::int16_t>(shape.kind);
-  Eigen::Map<Eigen::Vector3d>(message.position) = state.position;
-  if (moves) Eigen::Map<Eigen::Vector3d>(message.velocity) = state.velocity;
-  message.yaw = shape.yaw_rad;
-  Eigen::Map<Eigen::Vector3d>(message.size) = shape.size;
-  return message;
-}
-
-static_assert(static_cast<int>(Shape::Kind::kColumn) == sogm_swarm::obstacle_t::kColumn &&
-              static_cast<int>(Shape::Kind::kRing) == sogm_swarm::obstacle_t::kRing &&
-              static_cast<int>(Shape::Kind::kBox) == sogm_swarm::obstacle_t::kBox &&
-              static_cast<int>(Shape::Kind::kSphere) == sogm_swarm::obstacle_t::kSphere);
-
 }  // namespace
 
-EnvironmentNode::EnvironmentNode(Simulation& simulation, std::size_t index, double sensor_rate_hz, std::int32_t boot)
+EnvironmentNode::EnvironmentNode(Simulation& simulation, std::size_t index, std::int32_t boot)
     : simulation_(simulation),
       index_(index),
-      sensor_period_(to_duration(1.0 / sensor_rate_hz)),
+      sensor_(simulation.world(), simulation.world().robots[index].id),
+      sensor_period_(to_duration(1.0 / simulation.world().sensor.rate_hz)),
       last_tick_(simulation.now()),
       state_headers_(simulation.world().robots[index].id, boot),
       obstacle_headers_(state_headers_),
@@ -74,24 +56,16 @@ Utime EnvironmentNode::step(Utime now, Outbox& outbox) {
 sogm_swarm::robot_state_t EnvironmentNode::state(Utime own_time) {
   sogm_swarm::robot_state_t message{};
   message.header = state_headers_.next(own_time);
-  Eigen::Map<Eigen::Vector3d>(message.position) = vehicle().state().position;
-  Eigen::Map<Eigen::Vector3d>(message.velocity) = vehicle().state().velocity;
+  Eigen::Map<Eigen::Vector3d>(message.position) = vehicle().estimate().position;
+  Eigen::Map<Eigen::Vector3d>(message.velocity) = vehicle().estimate().velocity;
   message.yaw = vehicle().yaw_rad();
   return message;
 }
 
 sogm_swarm::obstacles_t EnvironmentNode::obstacles(Utime own_time, double t_s) {
-  sogm_swarm::obstacles_t message{};
+  const Eigen::Vector3d& position = vehicle().state().position;
+  sogm_swarm::obstacles_t message = sensor_.look(t_s, position, vehicle().estimate().position - position);
   message.header = obstacle_headers_.next(own_time);
-  const World& world = simulation_.world();
-  for (std::size_t i = 0; i < world.obstacles.size(); ++i) {
-    const WorldObstacle& obstacle = world.obstacles[i];
-    const std::optional<ObstacleState> state = state_at(obstacle, world, std::max(t_s, 0.0));
-    if (!state || distance(obstacle.shape, vehicle().state().position - state->position) > world.sensing_radius_m)
-      continue;
-    message.obstacles.push_back(to_message(static_cast<int>(i), obstacle.shape, *state, t_s >= 0.0));
-  }
-  message.num_obstacles = static_cast<std::int32_t>(message.obstacles.size());
   return message;
 }
 

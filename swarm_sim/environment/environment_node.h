@@ -8,6 +8,7 @@
 #include "lcmtypes/bus/header_source.h"
 #include "lcmtypes/bus/node.h"
 #include "lcmtypes/bus/recurring.h"
+#include "swarm_sim/environment/sensor.h"
 #include "swarm_sim/environment/simulation.h"
 
 namespace swarm {
@@ -17,10 +18,10 @@ class EnvironmentNode : public Node {
   // So long after a tick it takes place: setpoints of that very moment need a while to arrive.
   static constexpr Duration kLatency = 2ms;
 
-  // Of robot `index` in the world's order; obstacles are detected at `sensor_rate_hz` > 0. `simulation` is shared by
-  // all robots and must outlive the node. The node's clock is the simulation's; what it sends carries the robot's.
-  // `boot` grows at every start, where others have heard an earlier one (see HeaderSource).
-  EnvironmentNode(Simulation& simulation, std::size_t index, double sensor_rate_hz, std::int32_t boot = 0);
+  // Of robot `index` in the world's order. `simulation` is shared by all robots and must outlive the node. The node's
+  // clock is the simulation's; what it sends carries the robot's. `boot` grows at every start, where others have heard
+  // an earlier one (see HeaderSource).
+  EnvironmentNode(Simulation& simulation, std::size_t index, std::int32_t boot = 0);
 
   std::vector<Subscription> subscriptions() const override;
   void on_message(Utime now, BusId bus, std::string_view channel, std::span<const std::uint8_t> bytes,
@@ -29,14 +30,14 @@ class EnvironmentNode : public Node {
 
  private:
   const Vehicle& vehicle() const { return simulation_.vehicles()[index_]; }
-  // What the robot knows as of the newest tick: itself, the obstacles within its sensing radius, its goal. Before the
-  // start the obstacles stand where they will be at 0.
+  // What the robot knows as of the newest tick: itself, what its sensor detects, its goal.
   sogm_swarm::robot_state_t state(Utime own_time);
   sogm_swarm::obstacles_t obstacles(Utime own_time, double t_s);
   sogm_swarm::goal_t goal(Utime own_time);
 
   Simulation& simulation_;
   std::size_t index_;
+  Sensor sensor_;
   Duration sensor_period_;
   Utime last_tick_;
   Recurring detection_, goal_;

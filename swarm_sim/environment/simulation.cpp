@@ -11,10 +11,11 @@ Simulation::Simulation(const World& world, const OccupiedCubes* static_map, cons
       clock_steps_(options.clock_steps),
       judge_(world, static_map, options.time_limit_s),
       on_tick_(std::move(on_tick)),
-      now_(tick_at(utime)) {
+      now_(tick_at(utime)),
+      tracking_m_(world.robots.size()) {
   const std::vector<Duration> clocks = clock_offsets(options.clock_offset_ms, world);
   for (std::size_t i = 0; i < world.robots.size(); ++i)
-    vehicles_.emplace_back(world.robots[i].id, world.robots[i].start, clocks[i]);
+    vehicles_.emplace_back(world.robots[i].id, world.robots[i].start, clocks[i], world.vehicle, world.name);
 }
 
 void Simulation::start(Utime utime) {
@@ -43,6 +44,8 @@ void Simulation::tick() {
   }
   if (!start_ || now_ < *start_) return;
   judge_.update(t_s(now_), states_);
+  for (std::size_t i = 0; i < vehicles_.size(); ++i)
+    tracking_m_[i].push_back((vehicles_[i].state().position - vehicles_[i].reference().position).norm());
   if (on_tick_) on_tick_(t_s(now_), *this);
 }
 

@@ -43,6 +43,8 @@ class Simulation {
   // In the world's order.
   const std::vector<Vehicle>& vehicles() const { return vehicles_; }
   Vehicle& vehicle(std::size_t index) { return vehicles_[index]; }
+  // How far each was from where it was told to be [m], at all ticks of the flight.
+  const std::vector<std::vector<double>>& tracking_m() const { return tracking_m_; }
 
   // World time 0. Until then vehicles follow their setpoints, but obstacles stand and nothing is judged. Throws
   // std::invalid_argument unless it is a tick to come.
@@ -67,6 +69,7 @@ class Simulation {
   std::optional<Utime> start_;
   std::vector<Vehicle> vehicles_;
   std::vector<MotionState> states_;  // of the vehicles, as the judge takes them
+  std::vector<std::vector<double>> tracking_m_;
 };
 
 }  // namespace swarm

@@ -1,17 +1,31 @@
 #include "swarm_sim/environment/vehicle.h"
 
+#include <numbers>
+
 #include "lcmtypes/bus/receive.h"
 
 namespace swarm {
 namespace {
 
 constexpr Duration kSetpointTimeout = 50ms;
+constexpr double kFastError_s = 0.5, kSlowError_s = 20.0;  // so long its errors about itself stay much the same
 
 }  // namespace
 
-Vehicle::Vehicle(int robot_id, const Eigen::Vector3d& start, Duration clock_offset)
-    : id_(robot_id), clock_offset_(clock_offset), controller_offset_(clock_offset), setpoints_offset_(clock_offset) {
+Vehicle::Vehicle(int robot_id, const Eigen::Vector3d& start, Duration clock_offset, const VehicleOptions& options,
+                 const std::string& world)
+    : id_(robot_id),
+      clock_offset_(clock_offset),
+      controller_offset_(clock_offset),
+      setpoints_offset_(clock_offset),
+      model_(make_vehicle_model(options, start, seed_of(world + " vehicle " + std::to_string(robot_id)),
+                                seed_of(world + " wind"))),
+      own_noise_m_(options.own_noise_m * std::numbers::sqrt2 / 2),
+      random_(seed_of(world + " robot " + std::to_string(robot_id))),
+      fast_error_(kFastError_s, &random_),
+      slow_error_(kSlowError_s, &random_) {
   state_.position = start;
+  estimate_ = reference_ = state_;
 }
 
 void Vehicle::on_setpoint(Utime utime, std::span<const std::uint8_t> bytes) {
@@ -33,21 +47,37 @@ void Vehicle::on_own_trajectory(std::span<const std::uint8_t> bytes) {
 }
 
 void Vehicle::move_to(Utime utime) {
-  if (!setpoint_) return;
+  const MotionState error = own_error();
+  if (setpoint_) {
+    reference_ = reference_at(utime);
+    state_ = model_->follow(reference_, error);
+    yaw_rad_ = setpoint_->yaw;
+  }
+  estimate_ = state_;
+  if (own_noise_m_ == 0.0) return;
+  estimate_.position += error.position;
+  estimate_.velocity += error.velocity;
+}
+
+MotionState Vehicle::reference_at(Utime utime) const {
   const Utime now = utime + setpoints_offset_;
   const Duration age = now - to_utime(setpoint_->header.utime);
-  if (age > kSetpointTimeout && motion_) {
-    state_ = motion_->at(now);
-    return;
-  }
+  if (age > kSetpointTimeout && motion_) return motion_->at(now);
   const double dt = to_seconds(age);
   const Eigen::Vector3d p(setpoint_->position), v(setpoint_->velocity);
   const Eigen::Vector3d a(setpoint_->acceleration), j(setpoint_->jerk);
-  state_.position = p + dt * (v + dt / 2 * (a + dt / 3 * j));
-  state_.velocity = v + dt * (a + dt / 2 * j);
-  state_.acceleration = a + dt * j;
-  state_.jerk = j;
-  yaw_rad_ = setpoint_->yaw;
+  return {p + dt * (v + dt / 2 * (a + dt / 3 * j)), v + dt * (a + dt / 2 * j), a + dt * j, j};
+}
+
+MotionState Vehicle::own_error() {
+  MotionState error;
+  if (own_noise_m_ == 0.0) return error;
+  for (Wander* wander : {&fast_error_, &slow_error_}) {
+    wander->step(VehicleModel::kStep_s, &random_);
+    error.position += own_noise_m_ * wander->value();
+    error.velocity += own_noise_m_ * wander->rate_per_s();
+  }
+  return error;
 }
 
 }  // namespace swarm

@@ -1,19 +1,22 @@
-// A simulated robot with a perfect flight controller: it is where its newest setpoint says.
+// A simulated robot: it takes setpoints and follows them as a vehicle of its kind does (vehicle_model.h).
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <span>
 
 #include "lcmtypes/bus/codec.h"
 #include "planner_daemon/trajectory/motion.h"
+#include "swarm_sim/environment/vehicle_model.h"
 
 namespace swarm {
 
 class Vehicle {
  public:
-  // At rest at `start`, W [m]; its clock is so much ahead of the world's.
-  Vehicle(int robot_id, const Eigen::Vector3d& start, Duration clock_offset);
+  // At rest at `start`, W [m]; its clock is so much ahead of the world's. Noise and wind are those of the world's name.
+  Vehicle(int robot_id, const Eigen::Vector3d& start, Duration clock_offset, const VehicleOptions& options = {},
+          const std::string& world = "");
 
   // Its clock is set.
   void step_clock(Duration by) { clock_offset_ += by; }
@@ -24,22 +27,35 @@ class Vehicle {
   // The robot's own announcement: it follows what it is bound to while there are no setpoints.
   void on_own_trajectory(std::span<const std::uint8_t> bytes);
 
-  // Moves on to `utime` of the world: the newest setpoint, carried on. Stays where it is before the first one.
+  // Moves on by VehicleModel::kStep_s to `utime` of the world: after the newest setpoint, carried on. Stays where it is
+  // before the first one.
   void move_to(Utime utime);
 
   int id() const { return id_; }
+  // Where it is, where it takes itself to be, and where it was told to be.
   const MotionState& state() const { return state_; }
+  const MotionState& estimate() const { return estimate_; }
+  const MotionState& reference() const { return reference_; }
   double yaw_rad() const { return yaw_rad_; }
   // Of the robot's clock at `utime` of the world.
   Utime own_time(Utime utime) const { return utime + clock_offset_; }
 
  private:
+  // Where it is told to be at `utime` of the world; there is a setpoint.
+  MotionState reference_at(Utime utime) const;
+  // How far it errs about where it is.
+  MotionState own_error();
+
   int id_;
   Duration clock_offset_;
   Duration controller_offset_;  // of the flight controller's clock, which nobody sets
   Duration setpoints_offset_;   // of the clock by which it is told where to fly
-  MotionState state_;
+  MotionState state_, estimate_, reference_;
   double yaw_rad_ = 0.0;
+  std::unique_ptr<VehicleModel> model_;
+  double own_noise_m_;  // of each of the two below
+  Random random_;
+  Wander fast_error_, slow_error_;
   SequenceGate setpoints_;
   std::optional<sogm_swarm::setpoint_t> setpoint_;
   std::optional<Motion> motion_;  // it is bound to

@@ -19,7 +19,6 @@ namespace swarm {
 // The daemons' configurations are those before identity, limits and space are filled in.
 struct FlightOptions {
   double time_limit_s = 60.0;
-  double sensor_rate_hz = 20.0;  // of obstacle detections
   MapConfig map;
   PlannerNodeConfig planner;
   BroadcastConfig broadcast;

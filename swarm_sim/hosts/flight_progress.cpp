@@ -7,7 +7,7 @@ constexpr Duration kProgressPeriod = 100ms;
 
 }  // namespace
 
-Simulation::TickObserver follow_flight(TraceWriter* trace, ProgressCallback progress, std::function<void()> stop) {
+Simulation::TickObserver follow_flight(FlightTrace* trace, ProgressCallback progress, std::function<void()> stop) {
   return [trace, progress = std::move(progress), stop = std::move(stop)](double t_s, const Simulation& simulation) {
     if (trace != nullptr) trace->write(t_s, simulation);
     if (simulation.judge().finished()) return stop();

@@ -12,6 +12,6 @@ namespace swarm {
 using ProgressCallback = std::function<bool(double t_s, const Simulation&)>;
 
 // Writes the trace, reports progress, and ends the host's run with the flight. `trace` and `progress` may be null.
-Simulation::TickObserver follow_flight(TraceWriter* trace, ProgressCallback progress, std::function<void()> stop);
+Simulation::TickObserver follow_flight(FlightTrace* trace, ProgressCallback progress, std::function<void()> stop);
 
 }  // namespace swarm

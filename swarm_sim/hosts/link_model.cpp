@@ -6,13 +6,6 @@
 #include "lcmtypes/bus/text.h"
 
 namespace swarm {
-// FNV-1a.
-std::uint64_t seed_of(const std::string& name) {
-  std::uint64_t seed = 0xcbf29ce484222325ULL;
-  for (const char c : name) seed = (seed ^ static_cast<unsigned char>(c)) * 0x100000001b3ULL;
-  return seed;
-}
-
 bool LinkOptions::perfect() const {
   return delay_ms == 0.0 && jitter_ms == 0.0 && loss == 0.0 && duplicate == 0.0 && reorder == 0.0 && outages.empty();
 }
@@ -34,10 +27,6 @@ std::vector<LinkOutage> parse_outages(const std::string& text) {
 
 LinkModel::LinkModel(const LinkOptions& options, std::uint64_t seed) : options_(options), random_(seed) {}
 
-double LinkModel::uniform() {
-  return static_cast<double>(random_() >> 11) * 0x1p-53;
-}
-
 bool LinkModel::out(int robot_id, double t_s) const {
   return std::any_of(options_.outages.begin(), options_.outages.end(), [&](const LinkOutage& outage) {
     return outage.robot_id == robot_id && t_s >= outage.from_s && t_s < outage.to_s;
@@ -46,11 +35,11 @@ bool LinkModel::out(int robot_id, double t_s) const {
 
 std::span<const Duration> LinkModel::deliveries(int from_id, int to_id, double t_s) {
   delays_.clear();
-  if (out(from_id, t_s) || out(to_id, t_s) || uniform() < options_.loss) return {};
-  const int copies = uniform() < options_.duplicate ? 2 : 1;
+  if (out(from_id, t_s) || out(to_id, t_s) || random_.uniform() < options_.loss) return {};
+  const int copies = random_.uniform() < options_.duplicate ? 2 : 1;
   for (int copy = 0; copy < copies; ++copy) {
-    double delay_ms = std::max(0.0, options_.delay_ms + options_.jitter_ms * (2.0 * uniform() - 1.0));
-    if (uniform() < options_.reorder) delay_ms += LinkOptions::kHeldBack_ms * uniform();
+    double delay_ms = std::max(0.0, options_.delay_ms + options_.jitter_ms * (2.0 * random_.uniform() - 1.0));
+    if (random_.uniform() < options_.reorder) delay_ms += LinkOptions::kHeldBack_ms * random_.uniform();
     delays_.emplace_back(static_cast<std::int64_t>(1e3 * delay_ms));
   }
   return delays_;

@@ -2,12 +2,12 @@
 #pragma once
 
 #include <cstdint>
-#include <random>
 #include <span>
 #include <string>
 #include <vector>
 
 #include "lcmtypes/bus/time.h"
+#include "swarm_sim/world/random.h"
 
 namespace swarm {
 
@@ -33,9 +33,6 @@ struct LinkOptions {
 // "ROBOT:FROM_S:TO_S,..."; empty: none. Throws OptionError with the part that is wrong.
 std::vector<LinkOutage> parse_outages(const std::string& text);
 
-// Other worlds, other losses.
-std::uint64_t seed_of(const std::string& name);
-
 class LinkModel {
  public:
   // The same seed and calls give the same answers.
@@ -46,11 +43,10 @@ class LinkModel {
   std::span<const Duration> deliveries(int from_id, int to_id, double t_s);
 
  private:
-  double uniform();  // [0, 1)
   bool out(int robot_id, double t_s) const;
 
   LinkOptions options_;
-  std::mt19937_64 random_;
+  Random random_;
   std::vector<Duration> delays_;
 };
 

@@ -97,8 +97,7 @@ std::array<LockstepHost::NodeFactory, kDaemons.size()> daemons_of(const World& w
           }};
 }
 
-RunReport report_of(const World& world, const Simulation& simulation, const std::vector<RobotWork>& work,
-                    double wall_s) {
+RunReport report_of(const Simulation& simulation, const std::vector<RobotWork>& work, double wall_s) {
   std::vector<PlanningSamples> planning;
   std::vector<double> map_ms;
   std::vector<RobotReport> robots;
@@ -107,8 +106,7 @@ RunReport report_of(const World& world, const Simulation& simulation, const std:
     robots.push_back(robot.counts);
     map_ms.insert(map_ms.end(), robot.map_ms.begin(), robot.map_ms.end());
   }
-  RunReport report = make_report(world.name, "lockstep", simulation.judge(), simulation.t_s(simulation.now()), wall_s,
-                                 planning, std::move(robots));
+  RunReport report = make_report("lockstep", simulation, wall_s, planning, std::move(robots));
   report.mapping = timing_stats(std::move(map_ms));
   return report;
 }
@@ -116,7 +114,7 @@ RunReport report_of(const World& world, const Simulation& simulation, const std:
 }  // namespace
 
 RunReport run_lockstep(const World& world, const OccupiedCubes* static_map, const FlightOptions& options,
-                       const LockstepDelays& delays, BusLog* logs, TraceWriter* trace,
+                       const LockstepDelays& delays, BusLog* logs, FlightTrace* trace,
                        const ProgressCallback& progress) {
   const std::chrono::nanoseconds began = stopwatch();
   check_robots(world, options);
@@ -146,9 +144,8 @@ RunReport run_lockstep(const World& world, const OccupiedCubes* static_map, cons
       host->add({robot.id, onboard(robot), "swarm", work_times[d], clocks[r]}, daemons[d]);
   }
   for (std::size_t r = 0; r < world.robots.size(); ++r) {
-    host->add({world.robots[r].id, onboard(world.robots[r]), ""}, [&simulation, &options, r] {
-      return std::make_unique<EnvironmentNode>(simulation, r, options.sensor_rate_hz);
-    });
+    host->add({world.robots[r].id, onboard(world.robots[r]), ""},
+              [&simulation, r] { return std::make_unique<EnvironmentNode>(simulation, r); });
   }
   for (const Kill& kill : options.kills) {
     const std::size_t robot = index_of_robot(world, kill.robot_id, "kill");
@@ -164,7 +161,7 @@ RunReport run_lockstep(const World& world, const OccupiedCubes* static_map, cons
   host.reset();  // the nodes say what they have counted
 
   const std::chrono::duration<double> wall = stopwatch() - began;
-  RunReport report = report_of(world, simulation, work, wall.count());
+  RunReport report = report_of(simulation, work, wall.count());
   recorder.finish(options.clock_offset_ms, &report);
   return report;
 }

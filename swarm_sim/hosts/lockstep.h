@@ -24,7 +24,7 @@ struct LockstepDelays {
 // Flies `world` to its end. `logs` and `trace` may be null. Throws OptionError where the options name a robot that the
 // world has not.
 RunReport run_lockstep(const World& world, const OccupiedCubes* static_map, const FlightOptions& options,
-                       const LockstepDelays& delays, BusLog* logs, TraceWriter* trace,
+                       const LockstepDelays& delays, BusLog* logs, FlightTrace* trace,
                        const ProgressCallback& progress);
 
 }  // namespace swarm

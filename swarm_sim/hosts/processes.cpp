@@ -183,16 +183,14 @@ class Overseer {
   std::optional<std::string> failure_;
 };
 
-RunReport report_of(const World& world, const Simulation& simulation, const std::deque<RobotWatch>& robots,
-                    double wall_s) {
+RunReport report_of(const Simulation& simulation, const std::deque<RobotWatch>& robots, double wall_s) {
   std::vector<PlanningSamples> planning;
   std::vector<RobotReport> counts;
   for (const RobotWatch& robot : robots) {
     planning.push_back(robot.step_ms());
     counts.push_back(robot.counts());
   }
-  RunReport report = make_report(world.name, "processes", simulation.judge(), simulation.t_s(simulation.now()), wall_s,
-                                 planning, std::move(counts));
+  RunReport report = make_report("processes", simulation, wall_s, planning, std::move(counts));
   for (const RobotWatch& robot : robots) report.channels[channel::kTrajectory].lost += robot.lost();
   return report;
 }
@@ -200,7 +198,7 @@ RunReport report_of(const World& world, const Simulation& simulation, const std:
 }  // namespace
 
 RunReport run_processes(const World& world, const OccupiedCubes* static_map, const FlightOptions& options,
-                        const ProcessOptions& processes, BusLog* logs, TraceWriter* trace,
+                        const ProcessOptions& processes, BusLog* logs, FlightTrace* trace,
                         const ProgressCallback& progress) {
   const std::chrono::nanoseconds began = stopwatch();
   const TemporaryDirectory temporary("swarm_sim");
@@ -239,8 +237,7 @@ RunReport run_processes(const World& world, const OccupiedCubes* static_map, con
     const InNamespace there(place.netns);
     host.add(name, watches.emplace_back(robot.id, place.share, recorder), place.onboard_url,
              place.share == SwarmShare::kNone ? "" : place.swarm_url, {}, keys);
-    host.add("environment of " + name, environments.emplace_back(simulation, i, options.sensor_rate_hz, boot),
-             place.onboard_url, "");
+    host.add("environment of " + name, environments.emplace_back(simulation, i, boot), place.onboard_url, "");
     if (relayed) host.add("relay of " + name, relay.add_robot(robot.id), "", place.swarm_url, {}, keys);
     if (!processes.start_daemons) continue;
     for (DaemonProgram& daemon : daemons_of(world, robot, options, place, clocks[i], directories)) {
@@ -260,7 +257,7 @@ RunReport run_processes(const World& world, const OccupiedCubes* static_map, con
   if (!simulation.judge().finished()) throw Interrupted();
 
   const std::chrono::duration<double> wall = stopwatch() - began;
-  RunReport report = report_of(world, simulation, watches, wall.count());
+  RunReport report = report_of(simulation, watches, wall.count());
   recorder.finish(options.clock_offset_ms, &report);
   return report;
 }

@@ -34,7 +34,7 @@ struct Interrupted : std::runtime_error {
 // std::runtime_error when a daemon cannot be started, does not get ready or dies, Interrupted on a signal or when
 // `progress` ends the run.
 RunReport run_processes(const World& world, const OccupiedCubes* static_map, const FlightOptions& options,
-                        const ProcessOptions& processes, BusLog* logs, TraceWriter* trace,
+                        const ProcessOptions& processes, BusLog* logs, FlightTrace* trace,
                         const ProgressCallback& progress);
 
 }  // namespace swarm

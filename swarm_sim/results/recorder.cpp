@@ -36,15 +36,27 @@ void TraceWriter::write(double t_s, int robot_id, const MotionState& state) {
   if (!(out_ << line_)) fail(file_);
 }
 
-void TraceWriter::write(double t_s, const Simulation& simulation) {
-  const std::vector<WorldRobot>& robots = simulation.world().robots;
-  for (std::size_t i = 0; i < robots.size(); ++i) write(t_s, robots[i].id, simulation.vehicles()[i].state());
-}
-
 void TraceWriter::close() {
   out_.close();
   if (!out_) fail(file_);
   file_.commit();
+}
+
+FlightTrace::FlightTrace(const std::filesystem::path& directory, bool is_followed_exactly)
+    : flown_(directory / "trace.csv") {
+  if (!is_followed_exactly) commanded_.emplace(directory / "commanded.csv");
+}
+
+void FlightTrace::write(double t_s, const Simulation& simulation) {
+  for (const Vehicle& vehicle : simulation.vehicles()) {
+    flown_.write(t_s, vehicle.id(), vehicle.state());
+    if (commanded_) commanded_->write(t_s, vehicle.id(), vehicle.reference());
+  }
+}
+
+void FlightTrace::close() {
+  flown_.close();
+  if (commanded_) commanded_->close();
 }
 
 BusLog::Log::Log(const std::filesystem::path& path) : file(path), log(file.temporary().string(), "w") {

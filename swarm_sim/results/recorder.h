@@ -7,6 +7,7 @@
 #include <fstream>
 #include <lcm/lcm-cpp.hpp>
 #include <map>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -24,14 +25,26 @@ class TraceWriter {
   // Throws std::runtime_error with path and reason, as all members here and below.
   explicit TraceWriter(const std::filesystem::path& path);
   void write(double t_s, int robot_id, const MotionState& state);
-  // All robots of the world.
-  void write(double t_s, const Simulation& simulation);
   void close();
 
  private:
   AtomicFile file_;
   std::ofstream out_;
   std::string line_;
+};
+
+// Where the robots of a flight are, in trace.csv, and where they were told to be, in commanded.csv, if that is not the
+// same.
+class FlightTrace {
+ public:
+  // `directory` must exist.
+  FlightTrace(const std::filesystem::path& directory, bool is_followed_exactly);
+  void write(double t_s, const Simulation& simulation);
+  void close();
+
+ private:
+  TraceWriter flown_;
+  std::optional<TraceWriter> commanded_;
 };
 
 // LCM event logs with the given times, one file a bus: swarm.lcm and robot<ID>.lcm in `directory`.

@@ -37,23 +37,30 @@ ordered_json to_json(const RobotReport& robot) {
     if (robot.refused[static_cast<std::size_t>(i)] != 0)
       refused[to_string(static_cast<Refusal>(i))] = robot.refused[static_cast<std::size_t>(i)];
   }
-  return {{"id", verdict.id},
-          {"flight_time", verdict.flight_time_s ? ordered_json(*verdict.flight_time_s) : ordered_json()},
-          {"goals_reached", verdict.goals_reached},
-          {"unreachable", robot.is_unreachable},
-          {"clearance",
-           {{"obstacles", to_json(verdict.to_obstacles)},
-            {"static_map", to_json(verdict.to_static_map)},
-            {"robots", to_json(verdict.to_robots)}}},
-          {"path_length", verdict.path_length_m},
-          {"max_speed", array(verdict.max_speed_mps)},
-          {"max_acceleration", array(verdict.max_acceleration_mps2)},
-          {"max_position_jump", verdict.max_position_jump_m},
-          {"max_acceleration_step", verdict.max_acceleration_step_mps2},
-          {"plans", robot.plans},
-          {"plan_rate_hz", robot.plan_rate_hz},
-          {"missed", robot.missed},
-          {"refused", refused}};
+  return {
+      {"id", verdict.id},
+      {"flight_time", verdict.flight_time_s ? ordered_json(*verdict.flight_time_s) : ordered_json()},
+      {"goals_reached", verdict.goals_reached},
+      {"unreachable", robot.is_unreachable},
+      {"clearance",
+       {{"obstacles", to_json(verdict.to_obstacles)},
+        {"static_map", to_json(verdict.to_static_map)},
+        {"robots", to_json(verdict.to_robots)}}},
+      {"tracking_error", {{"p50", robot.tracking.p50_m}, {"p99", robot.tracking.p99_m}, {"max", robot.tracking.max_m}}},
+      {"path_length", verdict.path_length_m},
+      {"max_speed", array(verdict.max_speed_mps)},
+      {"max_acceleration", array(verdict.max_acceleration_mps2)},
+      {"max_position_jump", verdict.max_position_jump_m},
+      {"max_acceleration_step", verdict.max_acceleration_step_mps2},
+      {"plans", robot.plans},
+      {"plan_rate_hz", robot.plan_rate_hz},
+      {"missed", robot.missed},
+      {"refused", refused}};
+}
+
+TrackingError tracking_error(const std::vector<double>& errors_m) {
+  const TimingStats stats = timing_stats(errors_m);
+  return {stats.p50_ms, stats.p99_ms, stats.max_ms};
 }
 
 template <class Item>
@@ -65,18 +72,20 @@ ordered_json list(const std::vector<Item>& items) {
 
 }  // namespace
 
-RunReport make_report(const std::string& world, const std::string& mode, const Judge& judge, double duration_s,
-                      double wall_s, const std::vector<PlanningSamples>& planning, std::vector<RobotReport> robots) {
+RunReport make_report(const std::string& mode, const Simulation& simulation, double wall_s,
+                      const std::vector<PlanningSamples>& planning, std::vector<RobotReport> robots) {
+  const Judge& judge = simulation.judge();
   RunReport report;
-  report.world = world;
+  report.world = simulation.world().name;
   report.mode = mode;
   report.touches = judge.touches();
-  report.duration_s = duration_s;
+  report.duration_s = simulation.t_s(simulation.now());
   report.wall_s = wall_s;
   report.robots = std::move(robots);
   for (std::size_t i = 0; i < report.robots.size(); ++i) {
     report.robots[i].verdict = judge.robots()[i];
-    report.robots[i].plan_rate_hz = static_cast<double>(report.robots[i].plans) / duration_s;
+    report.robots[i].tracking = tracking_error(simulation.tracking_m()[i]);
+    report.robots[i].plan_rate_hz = static_cast<double>(report.robots[i].plans) / report.duration_s;
   }
   report.outcome = judge.outcome();
   const bool is_stuck = report.outcome == Outcome::kDeadlock || report.outcome == Outcome::kTimeout;

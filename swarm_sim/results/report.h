@@ -15,7 +15,7 @@
 
 #include "lcmtypes/bus/codec.h"
 #include "lcmtypes/bus/timing_stats.h"
-#include "swarm_sim/environment/judge.h"
+#include "swarm_sim/environment/simulation.h"
 #include "swarm_sim/results/commit_audit.h"
 
 namespace swarm {
@@ -33,8 +33,14 @@ struct ChannelCount {
   std::int64_t lost = 0;      // deliveries that did not take place
 };
 
+// How far a robot was from where it was told to be.
+struct TrackingError {
+  double p50_m = 0.0, p99_m = 0.0, max_m = 0.0;
+};
+
 struct RobotReport {
   RobotVerdict verdict;
+  TrackingError tracking;
   bool is_unreachable = false;  // the goal, as the planner said last
   std::int64_t plans = 0;
   double plan_rate_hz = 0.0;
@@ -63,9 +69,9 @@ struct RunReport {
 };
 
 // What every host reports the same way: the judge's view and the planning times over all robots. `robots`, in the
-// world's order: what the hosts have counted; verdicts and rates join it.
-RunReport make_report(const std::string& world, const std::string& mode, const Judge& judge, double duration_s,
-                      double wall_s, const std::vector<PlanningSamples>& planning, std::vector<RobotReport> robots);
+// world's order: what the hosts have counted; verdicts, tracking and rates join it.
+RunReport make_report(const std::string& mode, const Simulation& simulation, double wall_s,
+                      const std::vector<PlanningSamples>& planning, std::vector<RobotReport> robots);
 
 // The paper's split: success; deadlock, where a robot that had stopped for want of a plan was hit, or did
 // not arrive; collision, where one flew into something. By the first touch.

@@ -43,7 +43,7 @@ void JsonValue::require_object() const {
   if (!json_.is_object()) fail("an object");
 }
 
-void JsonValue::expect_keys(std::initializer_list<const char*> keys) const {
+void JsonValue::expect_keys(std::span<const char* const> keys) const {
   require_object();
   for (const auto& [key, value] : json_.items()) {
     if (std::find(keys.begin(), keys.end(), key) != keys.end()) continue;

@@ -5,6 +5,7 @@
 #include <initializer_list>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -22,7 +23,8 @@ class JsonValue {
 
   void require_object() const;
   // This must be an object with no other keys than these.
-  void expect_keys(std::initializer_list<const char*> keys) const;
+  void expect_keys(std::initializer_list<const char*> keys) const { expect_keys(std::span(keys.begin(), keys.size())); }
+  void expect_keys(std::span<const char* const> keys) const;
   JsonValue at(const std::string& key) const;  // must be there
   std::optional<JsonValue> find(const std::string& key) const;
   std::vector<JsonValue> items() const;  // of an array

@@ -13,6 +13,7 @@
 
 #include "map_daemon/obstacle.h"
 #include "planner_daemon/trajectory/mission.h"
+#include "swarm_sim/world/imperfections.h"
 
 namespace swarm {
 
@@ -90,6 +91,8 @@ struct World {
   std::vector<Space> walls;          // solid; not with a static_map, but one is made of them to be flown in (walls.h)
   std::vector<WorldRobot> robots;
   std::vector<WorldObstacle> obstacles;
+  VehicleOptions vehicle;  // of every robot
+  SensorOptions sensor;
   bool operator==(const World&) const = default;
 };
 

@@ -4,10 +4,10 @@
 #include <array>
 #include <cmath>
 #include <numbers>
-#include <random>
 
 #include "lcmtypes/bus/portable_math.h"
 #include "lcmtypes/bus/text.h"
+#include "swarm_sim/world/random.h"
 
 namespace swarm {
 namespace {
@@ -25,16 +25,13 @@ double cut(double value) {
   return std::trunc(value * 1e6) / 1e6;
 }
 
-// The standard fixes the engine's numbers but not those of its distributions.
-class Random {
+class Draw {
  public:
-  explicit Random(std::uint64_t seed) : engine_(seed) {}
-  double uniform(double low, double high) {
-    return cut(low + (high - low) * (static_cast<double>(engine_() >> 11) * 0x1p-53));
-  }
+  explicit Draw(std::uint64_t seed) : random_(seed) {}
+  double uniform(double low, double high) { return cut(low + (high - low) * random_.uniform()); }
 
  private:
-  std::mt19937_64 engine_;
+  Random random_;
 };
 
 void add_robot(World* world, const Fleet& fleet, const Eigen::Vector3d& start, const Eigen::Vector3d& goal) {
@@ -62,7 +59,7 @@ void add_circle(World* world, const Fleet& fleet) {
 }
 
 // Starts and goals each apart by a robot's width more than touching, goals away from the starts.
-void add_random(World* world, const Fleet& fleet, Random* random) {
+void add_random(World* world, const Fleet& fleet, Draw* random) {
   const double edge_m = 2 * fleet.robot_m;
   world->space = {{-fleet.space_m.x() / 2, -fleet.space_m.y() / 2, 0},
                   {fleet.space_m.x() / 2, fleet.space_m.y() / 2, fleet.space_m.z()}};
@@ -118,7 +115,7 @@ void add_wall(World* world, const Eigen::Vector2d& from, const Eigen::Vector2d& 
 }
 
 // Doors on the grid of the walls' voxels.
-void add_hall(World* world, const Fleet& fleet, Random* random) {
+void add_hall(World* world, const Fleet& fleet, Draw* random) {
   const double x = kHallLength_m / 2, near = kHallWidth_m / 2, far = near + kRoomDepth_m;
   world->space = {{-x, -far, 0.0}, {x, far, kHallHeight_m}};
   world->obstacle_bounds = {world->space.min.head<2>(), world->space.max.head<2>()};
@@ -159,7 +156,7 @@ void add_hall(World* world, const Fleet& fleet, Random* random) {
 }
 
 // In the hall or in one of its rooms, in proportion to their areas.
-void put_into_hall(WorldObstacle* obstacle, Random* random) {
+void put_into_hall(WorldObstacle* obstacle, Draw* random) {
   constexpr double kMiddle = kHallWidth_m / (kHallWidth_m + 2 * kRoomDepth_m);
   const double where = random->uniform(0.0, 1.0);
   const Rectangle place =
@@ -170,7 +167,7 @@ void put_into_hall(WorldObstacle* obstacle, Random* random) {
   obstacle->bounds = within_walls(place, ring ? shape.size.x() + shape.size.y() / 2 : shape.size.x() / 2);
 }
 
-void add_robots(World* world, Task task, const Fleet& fleet, Random* random) {
+void add_robots(World* world, Task task, const Fleet& fleet, Draw* random) {
   const auto add = [&](const Eigen::Vector2d& start, const Eigen::Vector2d& goal) {
     add_level_robot(world, fleet, start, goal);
   };
@@ -200,7 +197,7 @@ void add_robots(World* world, Task task, const Fleet& fleet, Random* random) {
   }
 }
 
-WorldObstacle draw_obstacle(bool ring, const World& world, Random* random) {
+WorldObstacle draw_obstacle(bool ring, const World& world, Draw* random) {
   const bool in_hall = !world.walls.empty();
   WorldObstacle obstacle;
   if (ring) {
@@ -292,7 +289,7 @@ World make_world(Task task, Environment environment, int obstacles, std::uint64_
   world.obstacle_bounds = {{-7, -7}, {7, 7}};
   world.limits.speed_mps = fleet.speed_mps;
   world.limits.acceleration_mps2 = fleet.acceleration_mps2;
-  Random random(seed);
+  Draw random(seed);
   add_robots(&world, task, fleet, &random);
   const int columns = environment == Environment::kMixed ? (obstacles + 1) / 2 : obstacles;
   for (int i = 0; i < obstacles; ++i) {

@@ -134,9 +134,30 @@ WorldObstacle read_obstacle(const JsonValue& value) {
   return obstacle;
 }
 
+// The flight's options that a world may bring, under their names on the command line.
+void read_options(const JsonValue& value, World* world) {
+  std::vector<const char*> names;
+  const auto read =
+      Overloaded{[&](const char* name, double& number, double low, double high, const char*, const char*) {
+                   names.push_back(name);
+                   if (const auto found = value.find(name)) number = found->number(low, high);
+                 },
+                 [&](const char* name, std::string& word, std::span<const char* const> words, const char*) {
+                   names.push_back(name);
+                   const auto found = value.find(name);
+                   if (!found) return;
+                   word = found->text(kMaxName);
+                   if (std::ranges::find(words, word) == words.end()) found->fail(listed(words));
+                 }};
+  value.require_object();
+  for_each_vehicle_option(world->vehicle, read);
+  for_each_sensor_option(world->sensor, read);
+  value.expect_keys(names);
+}
+
 World read_values(const JsonValue& value, const std::filesystem::path& directory) {
-  value.expect_keys(
-      {"name", "space", "obstacle_bounds", "limits", "sensing_radius", "static_map", "walls", "robots", "obstacles"});
+  value.expect_keys({"name", "space", "obstacle_bounds", "limits", "sensing_radius", "static_map", "walls", "options",
+                     "robots", "obstacles"});
   World world;
   world.name = value.at("name").text(kMaxName);
   world.space = read_box<Space>(value.at("space"));
@@ -156,6 +177,7 @@ World read_values(const JsonValue& value, const std::filesystem::path& directory
     if (walls->items().size() > kMaxWalls) walls->fail("an array of at most 4096 walls");
     for (const JsonValue& item : walls->items()) world.walls.push_back(read_box<Space>(item));
   }
+  if (const auto options = value.find("options")) read_options(*options, &world);
   const JsonValue robots = value.at("robots"), obstacles = value.at("obstacles");
   for (const JsonValue& item : robots.items()) world.robots.push_back(read_robot(item));
   if (obstacles.items().size() > kMaxWorldObstacles) obstacles.fail("an array of at most 4096 obstacles");
@@ -228,6 +250,23 @@ ordered_json to_json(const WorldObstacle& obstacle) {
   return json;
 }
 
+// Those that differ from the usual.
+ordered_json options_of(const World& world) {
+  const World usual_world;
+  ordered_json usual = ordered_json::object(), options = ordered_json::object();
+  const auto write_to = [](ordered_json* json) {
+    return [json](const char* name, const auto& value, const auto&...) { (*json)[name] = value; };
+  };
+  for_each_vehicle_option(usual_world.vehicle, write_to(&usual));
+  for_each_sensor_option(usual_world.sensor, write_to(&usual));
+  for_each_vehicle_option(world.vehicle, write_to(&options));
+  for_each_sensor_option(world.sensor, write_to(&options));
+  for (const auto& [name, value] : usual.items()) {
+    if (options[name] == value) options.erase(name);
+  }
+  return options;
+}
+
 template <class Item>
 std::string lines(const std::vector<Item>& items) {
   std::string text = "[";
@@ -266,6 +305,7 @@ std::string to_json_text(const World& world, const std::filesystem::path& direct
     text += ",\n \"static_map\": " + ordered_json(world.static_map.lexically_proximate(base).string()).dump();
   }
   if (!world.walls.empty()) text += ",\n \"walls\": " + lines(world.walls);
+  if (const ordered_json options = options_of(world); !options.empty()) text += ",\n \"options\": " + options.dump();
   text += ",\n \"robots\": " + lines(world.robots);
   return text + ",\n \"obstacles\": " + lines(world.obstacles) + "}\n";
 }

@@ -5,6 +5,7 @@
 //    "obstacle_bounds": {"min": [-7,-7], "max": [7,7]},        optional: space
 //    "limits": {"speed": 2.0, "acceleration": 6.0},            per axis
 //    "sensing_radius": 5.0,                                    optional: 5
+//    "options": {"vehicle": "quadrotor", "wind-mps": 3},       optional: as options of swarm_sim run
 //    "static_map": "map.bt",                                   optional: none; OctoMap file, relative to the world file
 //    "robots": [{"id": 0, "start": [-8,0,1], "goal": [8,0,1], "radius": 0.2}],
 //         or "goals": [{"position": [0,0,1], "tolerance": 0.5, "speed": 1.0, "wait": 2.0}, {"position": [8,0,1]}]

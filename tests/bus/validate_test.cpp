@@ -71,7 +71,9 @@ TEST(Validate, Ranges) {
   EXPECT_RANGE(obstacles_t, obstacles[1].yaw, -kPi, kPi);
   EXPECT_RANGE(obstacles_t, obstacles[1].size[0], 0.0, 1000.0);
   EXPECT_RANGE(obstacles_t, obstacles[1].age_s, 0.0, 60.0);
+  EXPECT_RANGE(obstacles_t, obstacles[1].position_sigma, 0.0f, 1000.0f);
   EXPECT_RANGE(obstacles_t, obstacles[1].shape, 0, 3);
+  EXPECT_RANGE(obstacles_t, complete, 0, 1);
   EXPECT_RANGE(obstacle_voxels_t, position[0], -1e5, 1e5);
   EXPECT_RANGE(obstacle_voxels_t, velocity[0], -100.0, 100.0);
   EXPECT_RANGE(obstacle_voxels_t, age_s, 0.0, 60.0);

@@ -103,6 +103,8 @@ TEST(RunCommand, BadOptionsAreRefusedByNameValueAndRule) {
   expect({"--time-limit", "nan"}, {"--time-limit nan", "[0.1, 86400] s"});
   expect({"--time-limit"}, {"--time-limit"});
   expect({"--time-limit", "1", "--time-limit", "2"}, {"--time-limit", "twice"});
+  expect({"--vehicle", "car"}, {"--vehicle car", "must be perfect, noisy or quadrotor"});
+  expect({"--wind-mps", "-1"}, {"--wind-mps -1", "[0, 30] m/s"});
   expect({"--sensor-rate", "1000"}, {"--sensor-rate 1000", "[1, 100] Hz"});
   expect({"--link-loss", "1.5"}, {"--link-loss 1.5", "[0, 1]"});
   expect({"--link-outage", "1:3:2"}, {"--link-outage", "1:3:2", "ROBOT:FROM_S:TO_S"});

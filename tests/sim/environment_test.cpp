@@ -37,7 +37,7 @@ TEST(Environment, SensorsSpeakAtTheirRatesAndOutOfPhase) {
     SCOPED_TRACE(i);
     Simulation simulation(world, nullptr, {}, kStart, nullptr);
     simulation.start(kStart + 20ms);
-    Bench<EnvironmentNode> bench(simulation, i, 20.0);
+    Bench<EnvironmentNode> bench(simulation, i);
     EXPECT_TRUE(bench.out.letters.empty());  // no tick yet
     bench.run_until(kStart + 1020ms + kLatency);
     const auto states = bench.out.all<sogm_swarm::robot_state_t>(channel::kRobotState);
@@ -59,9 +59,10 @@ TEST(Environment, SensorsSpeakAtTheirRatesAndOutOfPhase) {
 }
 
 TEST(Environment, ObstaclesInReachAreSeenAndStandBeforeTheStart) {
-  const World world = two_robots();
+  World world = two_robots();
+  world.sensor.rate_hz = 100.0;
   Simulation simulation(world, nullptr, {}, kStart, nullptr);
-  Bench<EnvironmentNode> bench(simulation, std::size_t{0}, 100.0);
+  Bench<EnvironmentNode> bench(simulation, std::size_t{0});
   bench.run_for(0.1);
   auto seen = bench.out.newest<sogm_swarm::obstacles_t>(channel::kObstacles);
   ASSERT_EQ(seen.num_obstacles, 1);  // the other one is too far away
@@ -85,7 +86,7 @@ TEST(Environment, TheFirstNodeMovesTheWorldOnForAll) {
   Simulation simulation(world, nullptr, {.time_limit_s = 0.5}, kStart,
                         [&](double t_s, const Simulation&) { ticks.push_back(t_s); });
   simulation.start(kStart + 10ms);
-  Bench<EnvironmentNode> first(simulation, std::size_t{0}, 20.0), second(simulation, std::size_t{1}, 20.0);
+  Bench<EnvironmentNode> first(simulation, std::size_t{0}), second(simulation, std::size_t{1});
   first.run_for(0.1 + to_seconds(kLatency));
   EXPECT_EQ(ticks.size(), 10u);
   EXPECT_EQ(second.out.letters.size(), 0u);
@@ -103,7 +104,7 @@ TEST(Environment, VehiclesAreWhereTheirSetpointsSay) {
   const World world = two_robots();
   Simulation simulation(world, nullptr, {.clock_offset_ms = 8}, kStart, nullptr);
   simulation.start(kStart + 10ms);
-  Bench<EnvironmentNode> bench(simulation, std::size_t{0}, 20.0);  // its id is the higher: 4 ms ahead
+  Bench<EnvironmentNode> bench(simulation, std::size_t{0});  // its id is the higher: 4 ms ahead
   const Utime tick = kStart + 50ms, own_time = tick + 4ms;
   bench.run_until(tick + kLatency / 2);
   bench.send(channel::kSetpoint, setpoint(2, own_time, {9, 9, 9}, {0, 0, 0}));  // not his
@@ -124,7 +125,7 @@ TEST(Environment, AVehicleFliesOnWhereItsClockIsSet) {
   const World world = two_robots();
   Simulation simulation(world, nullptr, {.clock_steps = {{4, 0.1, -3s}, {2, 0.1, 1h}}}, kStart, nullptr);
   simulation.start(kStart + 10ms);
-  Bench<EnvironmentNode> bench(simulation, std::size_t{0}, 20.0);
+  Bench<EnvironmentNode> bench(simulation, std::size_t{0});
   const auto state = [&] { return bench.out.newest<sogm_swarm::robot_state_t>(channel::kRobotState); };
   bench.run_until(kStart + 200ms);
   const Utime own_time = kStart + 200ms - 3s;
@@ -144,7 +145,7 @@ TEST(Environment, AVehicleIsOnTimeAgainAfterALateSetpoint) {
   const World world = two_robots();
   Simulation simulation(world, nullptr, {}, kStart, nullptr);
   simulation.start(kStart + 10ms);
-  Bench<EnvironmentNode> bench(simulation, std::size_t{0}, 20.0);
+  Bench<EnvironmentNode> bench(simulation, std::size_t{0});
   bench.run_until(kStart + 200ms);
   bench.send(channel::kSetpoint, setpoint(4, kStart + 145ms, {-2, 0, 1}, {1, 0, 0}));
   bench.send(channel::kSetpoint, setpoint(4, kStart + 190ms, {-1, 0, 1}, {1, 0, 0}));
@@ -156,7 +157,7 @@ TEST(Environment, AVehicleIsOnTimeAgainAfterALateSetpoint) {
 TEST(Environment, AVehicleWithoutSetpointsFliesWhatWasAnnounced) {
   const World world = two_robots();
   Simulation simulation(world, nullptr, {}, kStart, nullptr);
-  Bench<EnvironmentNode> bench(simulation, std::size_t{0}, 20.0);
+  Bench<EnvironmentNode> bench(simulation, std::size_t{0});
   MotionState from;
   from.position = {-3, 0, 1};
   sogm_swarm::announcement_t announcement{};

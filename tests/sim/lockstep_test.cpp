@@ -46,7 +46,7 @@ struct Flight {
     std::vector<int> ids;
     for (const WorldRobot& robot : world.robots) ids.push_back(robot.id);
     BusLog logs(directory.path(), ids);
-    TraceWriter trace(directory / "trace.csv");
+    FlightTrace trace(directory.path(), world.vehicle.kind == "perfect");
     std::optional<OccupiedCubes> static_map;
     if (!world.static_map.empty()) static_map = OccupiedCubes::load(world.static_map);
     report = run_lockstep(world, static_map ? &*static_map : nullptr, options, {}, &logs, &trace, nullptr);

@@ -5,6 +5,7 @@
 
 #include <filesystem>
 #include <numbers>
+#include <random>
 
 #include "swarm_sim/world/occupied_cubes.h"
 #include "swarm_sim/world/walls.h"
@@ -41,6 +42,26 @@ std::string error_of(const std::string& text) {
     return error.what();
   }
   return "no error";
+}
+
+TEST(WorldJson, AWorldMayBringOptionsOfItsFlight) {
+  const std::string text =
+      replaced(R"("limits")", R"("options": {"vehicle": "quadrotor", "wind-mps": 3, "sense-dropout": 0.1}, "limits")");
+  const World world = parse_world(text, "w.json", "");
+  EXPECT_EQ(world.vehicle, (VehicleOptions{.kind = "quadrotor", .wind_mps = 3.0}));
+  EXPECT_EQ(world.sensor, (SensorOptions{.dropout = 0.1}));
+  EXPECT_EQ(parse_world(to_json_text(world, ""), "w.json", ""), world);
+  EXPECT_EQ(to_json_text(parse_world(kGood, "w.json", ""), "").find("options"), std::string::npos);
+  const auto refused = [](const std::string& options) {
+    return error_of(replaced(R"("limits")", "\"options\": " + options + R"(, "limits")"));
+  };
+  EXPECT_NE(refused(R"({"vehicle": "helicopter"})")
+                .find("options.vehicle: \"helicopter\" must be perfect, noisy or quadrotor"),
+            std::string::npos)
+      << refused(R"({"vehicle": "helicopter"})");
+  EXPECT_NE(refused(R"({"wind-mps": 31})").find("[0, 30]"), std::string::npos);
+  EXPECT_NE(refused(R"({"wind": 3})").find("unknown key"), std::string::npos);
+  EXPECT_NE(refused("3").find("object"), std::string::npos);
 }
 
 TEST(WorldJson, ReadsEveryField) {
@@ -100,6 +121,7 @@ TEST(WorldJson, RefusesBadInputWithOneClearLine) {
       {"\"name\": \"good\", ", "", "name: is missing and must be given"},
       {"\"name\"", "\"nam\"",
        "\"nam\" is an unknown key; known are name, space, obstacle_bounds, limits, sensing_radius, static_map, walls, "
+       "options, "
        "robots, "
        "obstacles"},
       {"\"name\"", "\"name\": \"first\", \"name\"", "\"name\": a key must not be given twice"},

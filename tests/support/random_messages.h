@@ -137,6 +137,7 @@ inline void make(Random& random, int elements, obstacle_voxels_t* m) {
   }
 }
 inline void make(Random& random, int elements, obstacles_t* m) {
+  m->complete = integer(random, 0, 1) == 1;
   m->num_obstacles = std::min(elements, 4096);
   for (int i = 0; i < m->num_obstacles; ++i) {
     obstacle_t o{};
@@ -149,6 +150,8 @@ inline void make(Random& random, int elements, obstacles_t* m) {
     if (o.shape != obstacle_t::kBox) o.size[2] = 0.0;
     if (o.shape == obstacle_t::kSphere) o.size[1] = 0.0;
     o.age_s = real(random, 0, 60);
+    o.position_sigma = static_cast<float>(real(random, 0, 1000));
+    o.velocity_sigma = i % 3 == 0 ? -1.0f : static_cast<float>(real(random, 0, 100));
     m->obstacles.push_back(o);
   }
 }
@@ -237,7 +240,8 @@ void each_real(obstacle_voxels_t& m, F f) {
 }
 template <class F>
 void each_real(obstacles_t& m, F f) {
-  for (obstacle_t& o : m.obstacles) each(f, o.position, o.velocity, o.yaw, o.size, o.age_s);
+  for (obstacle_t& o : m.obstacles)
+    each(f, o.position, o.velocity, o.yaw, o.size, o.age_s, o.position_sigma, o.velocity_sigma);
 }
 template <class F>
 void each_real(planner_status_t& m, F f) {

@@ -23,6 +23,7 @@ int main(int argc, char** argv) {
     all.header = headers.next(swarm::wall_utime());
     all.obstacles = {person};
     all.num_obstacles = 1;  // none: an empty message says so
+    all.complete = true;    // what is missing is gone; false, for sensors: it may only be out of sight
     swarm::encode(all, &bytes);
     if (!bus.publish("OBSTACLES", bytes)) return 1;
   }

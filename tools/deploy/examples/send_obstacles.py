@@ -14,5 +14,6 @@ while True:
     person.size = [0.6, 1.9, 0.0]  # diameter, height [m]
     everything = obstacles_t()
     everything.num_obstacles, everything.obstacles = 1, [person]
+    everything.complete = True  # what is missing is gone; False, for sensors: it may only be out of sight
     bus.publish("OBSTACLES", everything)
     time.sleep(0.1)

@@ -1,0 +1,189 @@
+#include "map_daemon/tracker.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "lcmtypes/bus/codec.h"
+
+namespace swarm {
+namespace {
+
+using sogm_swarm::obstacle_t;
+using sogm_swarm::obstacles_t;
+
+constexpr double kSurprise = 25.0;          // of six degrees of freedom: one report in 3,000 is so far from its track
+constexpr double kNear2 = 16.0;             // of three: where a track may find itself again under another id
+constexpr double kNear_m = 0.3;             // and this much beside
+constexpr double kUnknownSpeed_mps = 1.0;   // standard deviation of a velocity that nobody measured
+constexpr Duration kOnceMore = 100ms;       // that what was seen once is kept
+constexpr std::size_t kMaxPairs = 1 << 16;  // of tracks and reports that are compared
+
+Shape::Kind to_kind(std::int16_t shape) {
+  switch (shape) {
+    case obstacle_t::kRing:
+      return Shape::Kind::kRing;
+    case obstacle_t::kBox:
+      return Shape::Kind::kBox;
+    case obstacle_t::kSphere:
+      return Shape::Kind::kSphere;
+    default:
+      return Shape::Kind::kColumn;
+  }
+}
+
+// One measurement, of variance `noise`, of what has variance `variance`: what of the surprise is to be believed.
+double gain(double shared, double variance, double noise) {
+  const double sum = variance + noise;
+  return sum > 0.0 ? shared / sum : 0.0;
+}
+
+bool is_alike(const Shape& a, const Shape& b) {
+  return a.kind == b.kind && (a.size - b.size).cwiseAbs().maxCoeff() <= 0.5 * a.size.cwiseMax(b.size).maxCoeff();
+}
+
+}  // namespace
+
+TrackCovariance TrackCovariance::after(double dt_s, double density) const {
+  return {position + dt_s * (2.0 * both + dt_s * (velocity + dt_s * density / 3.0)),
+          both + dt_s * (velocity + dt_s * density / 2.0), velocity + dt_s * density};
+}
+
+Tracker::Detection Tracker::detection_of(const obstacle_t& message, Utime utime) const {
+  Detection detection;
+  detection.id = message.id;
+  detection.obstacle = {
+      .shape = {.kind = to_kind(message.shape), .size = Eigen::Vector3d(message.size), .yaw_rad = message.yaw},
+      .position = Eigen::Vector3d(message.position),
+      .velocity = Eigen::Vector3d(message.velocity),
+      .utime = utime - to_duration(message.age_s > 0.0 ? message.age_s : config_.latency_s)};
+  detection.position_var = double{message.position_sigma} * message.position_sigma;
+  detection.has_velocity = message.velocity_sigma >= 0.0f;
+  detection.velocity_var = detection.has_velocity ? double{message.velocity_sigma} * message.velocity_sigma
+                                                  : kUnknownSpeed_mps * kUnknownSpeed_mps;
+  if (!detection.has_velocity) detection.obstacle.velocity.setZero();
+  return detection;
+}
+
+Track Tracker::begun(const Detection& detection, Utime utime) const {
+  return {detection.id, detection.obstacle, {detection.position_var, 0.0, detection.velocity_var}, utime, utime};
+}
+
+void Tracker::correct(const Detection& detection, Utime utime, Track* track) const {
+  track->id = detection.id;
+  track->last_utime = utime;
+  const Obstacle& seen = detection.obstacle;
+  const double dt_s = std::max(0.0, to_seconds(seen.utime - track->obstacle.utime));
+  TrackCovariance p = track->covariance.after(dt_s, density());
+  Eigen::Vector3d position = track->obstacle.position + dt_s * track->obstacle.velocity;
+  Eigen::Vector3d velocity = track->obstacle.velocity;
+  const Eigen::Vector3d amiss_m = seen.position - position, amiss_mps = seen.velocity - velocity;
+  double surprise = amiss_m.squaredNorm() / std::max(p.position + detection.position_var, 1e-9);
+  if (detection.has_velocity) surprise += amiss_mps.squaredNorm() / std::max(p.velocity + detection.velocity_var, 1e-9);
+  const bool is_exact = detection.position_var == 0.0 && detection.has_velocity && detection.velocity_var == 0.0;
+  if (is_exact || surprise > kSurprise) {  // it is known better, or has turned: the past says nothing
+    track->obstacle = seen;
+    track->covariance = {detection.position_var, 0.0, detection.velocity_var};
+    return;
+  }
+  double of_position = gain(p.position, p.position, detection.position_var);
+  double of_velocity = gain(p.both, p.position, detection.position_var);
+  position += of_position * amiss_m;
+  velocity += of_velocity * amiss_m;
+  p = {(1.0 - of_position) * p.position, (1.0 - of_position) * p.both, p.velocity - of_velocity * p.both};
+  if (detection.has_velocity) {
+    const Eigen::Vector3d rest_mps = seen.velocity - velocity;
+    of_position = gain(p.both, p.velocity, detection.velocity_var);
+    of_velocity = gain(p.velocity, p.velocity, detection.velocity_var);
+    position += of_position * rest_mps;
+    velocity += of_velocity * rest_mps;
+    p = {p.position - of_position * p.both, (1.0 - of_velocity) * p.both, (1.0 - of_velocity) * p.velocity};
+  }
+  const Utime newest = std::max(seen.utime, track->obstacle.utime);
+  track->obstacle = seen;  // its shape
+  track->obstacle.position = position;
+  track->obstacle.velocity = velocity;
+  track->obstacle.utime = newest;
+  track->covariance = p;
+}
+
+bool Tracker::is_kept(const Track& track, Utime utime) const {
+  const Duration seen_for = track.last_utime - track.first_utime, unseen_for = utime - track.last_utime;
+  return unseen_for <= std::min(to_duration(config_.timeout_s), 2 * seen_for + kOnceMore);
+}
+
+void Tracker::update(const obstacles_t& report) {
+  const Utime utime = to_utime(report.header.utime);
+  std::vector<Detection> seen;
+  seen.reserve(report.obstacles.size());
+  for (const obstacle_t& obstacle : report.obstacles) seen.push_back(detection_of(obstacle, utime));
+  std::ranges::stable_sort(seen, {}, &Detection::id);
+  std::vector<Track> tracks, unseen;
+  std::vector<Detection> unknown;
+  tracks.reserve(seen.size());
+  auto known = tracks_.begin();
+  for (const Detection& detection : seen) {  // both are in the order of their ids
+    while (known != tracks_.end() && known->id < detection.id) unseen.push_back(std::move(*known++));
+    if (known != tracks_.end() && known->id == detection.id) {
+      correct(detection, utime, &tracks.emplace_back(std::move(*known++)));
+    } else {
+      unknown.push_back(detection);
+    }
+  }
+  std::move(known, tracks_.end(), std::back_inserter(unseen));
+  if (!report.complete) adopt(utime, &unseen, &unknown, &tracks);
+  for (const Detection& detection : unknown) tracks.push_back(begun(detection, utime));
+  for (Track& track : unseen) {
+    if (!report.complete && is_kept(track, utime)) tracks.push_back(std::move(track));
+  }
+  std::ranges::stable_sort(tracks, {}, &Track::id);
+  tracks_ = std::move(tracks);
+}
+
+void Tracker::adopt(Utime utime, std::vector<Track>* unseen, std::vector<Detection>* unknown,
+                    std::vector<Track>* tracks) const {
+  if (unseen->size() * unknown->size() > kMaxPairs) return;
+  std::erase_if(*unknown, [&](const Detection& detection) {
+    auto best = unseen->end();
+    double nearest = kNear2;
+    for (auto track = unseen->begin(); track != unseen->end(); ++track) {
+      if (!is_alike(track->obstacle.shape, detection.obstacle.shape)) continue;
+      const double dt_s = to_seconds(detection.obstacle.utime - track->obstacle.utime);
+      const Eigen::Vector3d expected = track->obstacle.position + dt_s * track->obstacle.velocity;
+      const double variance = track->covariance.after(std::max(dt_s, 0.0), density()).position +
+                              detection.position_var + kNear_m * kNear_m / kNear2;
+      const double away = (detection.obstacle.position - expected).squaredNorm() / variance;
+      if (away >= nearest) continue;
+      nearest = away;
+      best = track;
+    }
+    if (best == unseen->end()) return false;
+    correct(detection, utime, &tracks->emplace_back(std::move(*best)));
+    unseen->erase(best);
+    return true;
+  });
+}
+
+void Tracker::forget(Utime now, Duration ahead) {
+  std::erase_if(tracks_, [&](const Track& track) {
+    return check_time(track.last_utime, now, to_duration(config_.timeout_s), ahead) != Refusal::kNone;
+  });
+}
+
+void Tracker::shift(Duration step) {
+  for (Track& track : tracks_) {
+    track.obstacle.utime += step;
+    track.first_utime += step;
+    track.last_utime += step;
+  }
+}
+
+double position_sigma_m(const Track& track, Utime utime) {
+  const double dt_s = std::max(0.0, to_seconds(utime - track.obstacle.utime));
+  return std::sqrt(track.covariance.after(dt_s, 0.0).position);
+}
+
+double velocity_sigma_mps(const Track& track) {
+  return std::sqrt(track.covariance.velocity);
+}
+
+}  // namespace swarm
