@@ -39,7 +39,7 @@ std::optional<Eigen::Vector3d> GiveWay::apart(const PlanRequest& request) const 
   const Utime utime = request.start_utime;
   const Eigen::Vector3d place = request.own.at(utime).position;
   if (request.own.end_utime() > utime || (place - request.goal).norm() < kArrived_m) return {};
-  const double usual_m = config_.space.blocked_m() + 0.5 * request.sogm->geometry.resolution_m;
+  const double usual_m = config_.space.blocked_m() + request.margin_m + 0.5 * request.sogm->geometry.resolution_m;
   for (const Peer& peer : *request.peers) {
     if (peer.motion.end_utime() > utime) continue;
     const Eigen::Vector3d away = place - peer.motion.at(utime).position;

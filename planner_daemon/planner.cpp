@@ -10,6 +10,7 @@ namespace {
 constexpr Duration kStaticHeuristicAge = 250ms, kSpaceTimeHeuristicAge = 75ms;
 constexpr Duration kAtGoalAge = 1s;  // of the static heuristic, which leads nowhere there
 constexpr double kAtGoal_m = 0.1;
+constexpr double kMarginStep_m = 0.05;
 constexpr double kAhead_m = 1.0;  // of the static way that is followed out of a local minimum
 constexpr int kApproach = 3;      // the last pieces of a plan
 
@@ -124,7 +125,13 @@ void Planner::compose(const PlanRequest& request) {
                 to_seconds(search.piece) * search.num_pieces,
                 config_.limits.a_max_mps2,
                 start.velocity};
-  space_.compose(*request.sogm, *request.peers, reachable_);
+  // A margin that has grown since the own motion was planned may hold its place: it is left as fast as others come, not
+  // fled from.
+  const int frame = request.sogm->frame_at(request.start_utime);
+  for (double margin_m = request.margin_m;; margin_m = std::max(0.0, margin_m - kMarginStep_m)) {
+    space_.compose(*request.sogm, *request.peers, reachable_, margin_m);
+    if (margin_m == 0.0 || !space_.blocked_at(start.position, frame)) break;
+  }
 }
 
 Planner::CacheKey Planner::cache_key(const PlanRequest& request) {
@@ -196,7 +203,7 @@ void Planner::build_heuristics(const PlanRequest& request) {
   const SearchLimits& limits = config_.limits;
   if (!static_key_.serves(request, static_heuristic_age(request))) renew_static_heuristic(request);
   aim_ = static_heuristic_.beside_goal(reachable_.center).value_or(request.goal);
-  space_time_heuristic_.build(space_.occupancy(), config_.space.blocked_m(), &static_heuristic_, reachable_, aim_,
+  space_time_heuristic_.build(space_.occupancy(), space_.blocked_m(), &static_heuristic_, reachable_, aim_,
                               limits.space_min, limits.space_max);
   space_time_key_ = cache_key(request);
 }
@@ -278,7 +285,7 @@ bool Planner::grow_corridors(const PlanRequest& request) {
     const Utime from = request.start_utime + k * config_.search.piece;
     const ControlPoints piece = quintic_control_points(path_.knots[piece_at], path_.knots[piece_at + 1], h);
     const FiriStatus status =
-        corridor_builder_.build(piece, space_.occupancy(), config_.space.blocked_m(), search_.space(), from,
+        corridor_builder_.build(piece, space_.occupancy(), space_.blocked_m(), search_.space(), from,
                                 from + config_.search.piece, &spline_problem_.corridors[piece_at]);
     if (status != FiriStatus::kGrown) return false;
   }
@@ -369,7 +376,7 @@ void Planner::add_escape(const PlanRequest& request) {
   for (Candidate& candidate : candidates_)
     candidate.violation_cost = escape_search_.violation_cost({candidate.trajectory, {}});
   const bool is_clear =
-      keeps_clear(request.own, *request.sogm, *request.peers, config_.space.blocked_m(), request.start_utime);
+      keeps_clear(request.own, *request.sogm, *request.peers, space_.blocked_m(), request.start_utime);
   add_own_motion(request, is_clear ? 0.0 : escape_search_.violation_cost(request.own));
 }
 

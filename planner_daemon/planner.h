@@ -37,6 +37,7 @@ struct PlanRequest {
   Utime start_utime{};         // the plan leaves the own motion here
   Eigen::Vector3d goal = Eigen::Vector3d::Zero();
   double v_max_mps = std::numeric_limits<double>::infinity();  // per axis, where the limits allow more
+  double margin_m = 0.0;  // kept beyond the clearance: so far from its motion the robot may be
   bool is_aside = false;  // the goal is a place nearby beside the way: the way through the whole map stays as it is
   const std::vector<Peer>* peers = nullptr;
 };

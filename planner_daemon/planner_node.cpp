@@ -144,6 +144,7 @@ Refusal PlannerNode::on_own(std::span<const std::uint8_t> bytes) {
   const std::int32_t bound_to = own_ ? own_->next.seq() : 0;
   const Trajectory waited = pending_;
   own_ = motion_of(message);
+  margin_m_ = std::max(0.0f, message.radius - static_cast<float>(config_.planner.space.radius_m));
   pending_ = pending_of(message);
   const Trajectory& newest = pending_.empty() ? own_->next : pending_;
   if (planned_ && !newest.empty() && newest.start_utime() == planned_->start) {
@@ -282,6 +283,7 @@ void PlannerNode::plan(Utime now, Outbox& outbox) {
   }
   request_.sogm = &map_;
   request_.own = *own_;
+  request_.margin_m = margin_m_;
   // Without a goal the robot holds its place, but steps aside like any other.
   if (!hold_) hold_ = own_->at(own_->end_utime()).position;
   mission_.pass(now, own_->at(now));
@@ -356,6 +358,7 @@ void PlannerNode::publish_status(Utime now, std::int16_t state, Outbox& outbox) 
   status.plans = plans_;
   status.missed = missed_;
   status.rate_hz = static_cast<float>(plan_times_.size());
+  status.margin = static_cast<float>(margin_m_);
   status.waypoint = mission_.index();
   if (newest_ != nullptr) {
     status.outcome = static_cast<std::int16_t>(newest_->outcome);

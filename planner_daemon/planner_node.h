@@ -80,6 +80,7 @@ class PlannerNode : public Node {
   Utime ways_utime_{};                  // of the map with which the ways to another goal were worked out last
   std::optional<Rehearsal> rehearsal_;  // until it is over
   std::optional<Motion> own_;
+  double margin_m_ = 0.0;              // beyond the clearance, as the broadcaster announces it
   Trajectory pending_;                 // of our plans: waits for acknowledgements; may be empty
   Utime pending_stamp_{};              // when it was announced
   std::optional<Utime> urgent_start_;  // of the newest plan; none: it is not urgent

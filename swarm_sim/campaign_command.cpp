@@ -1,5 +1,6 @@
 #include "swarm_sim/campaign_command.h"
 
+#include <spdlog/spdlog.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -159,6 +160,7 @@ int campaign_command(int argc, const char* const* argv) try {
       options.jobs > 0 ? options.jobs : static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
   std::cerr << "campaign: " << trials.size() << " trials, " << done << " of them already in " << options.out << ", "
             << jobs << " at a time\n";
+  spdlog::set_level(spdlog::level::err);  // what single robots tell is told by their flights' rows
   std::signal(SIGINT, [](int) { interrupted = true; });
   std::signal(SIGTERM, [](int) { interrupted = true; });
   Progress progress(done, trials.size());

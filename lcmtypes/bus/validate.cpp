@@ -176,14 +176,14 @@ Refusal validate(const planner_status_t& m) {
                  within(m.outcome, planner_status_t::kSmooth, planner_status_t::kUnsafe) &&
                  amounts_ok(std::array{m.plans, m.missed, m.expansions, m.waypoint}) && amounts_ok(m.refused) &&
                  amounts_ok(std::array{m.rate_hz, m.compose_ms, m.search_ms, m.corridor_ms, m.optimize_ms, m.check_ms,
-                                       m.total_ms, m.prepare_ms}));
+                                       m.total_ms, m.prepare_ms, m.margin}));
 }
 
 Refusal validate(const broadcast_status_t& m) {
-  return verdict(within(m.state, broadcast_status_t::kFlying, broadcast_status_t::kTwin) &&
+  return verdict(within(m.state, broadcast_status_t::kFlying, broadcast_status_t::kOffCourse) &&
                  amounts_ok(std::array{m.candidates, m.commits, m.forced, m.withdrawn, m.peers_heard, m.lost}) &&
                  amounts_ok(m.rejected) && amounts_ok(m.refused) &&
-                 amounts_ok(std::array{m.max_age_ms, m.max_clock_offset_ms}));
+                 amounts_ok(std::array{m.max_age_ms, m.max_clock_offset_ms, m.tracking_error, m.error_bound}));
 }
 
 }  // namespace swarm

@@ -46,6 +46,10 @@ void declare(OptionSet& options, BroadcastConfig& config) {
   options.add("setpoint-rate", &config.setpoint_rate_hz, 1, 1000, "Hz", "of setpoints");
   options.add("yaw-rate-max", &config.yaw_rate_max_radps, 0, 100, "rad/s",
               "how fast the robot turns into its direction of flight");
+  options.add("error-bound", &config.error_bound_m, 0, 5, "m",
+              "that the robot's radius grows by at most, by how far it lately was from its motion");
+  options.add("off-course", &config.off_course_m, 0.05, 100, "m",
+              "farther from its motion the robot has lost it: it brakes and goes on from where it is");
   options.add("clock-error", &config.clock_error_s, 0, 1, "s",
               "clocks of two robots differ by at most this: motions are kept apart for it, and nothing is committed "
               "beyond it");
@@ -74,7 +78,8 @@ BroadcastNode::BroadcastNode(const BroadcastConfig& config, PromiseStore& store,
       promise_headers_(config.robot_id, kept_.boot),
       protocol_(
           {config.robot_id, kept_.boot, config.roster, config.radius_m, config.separation_m, config.clock_error_s}),
-      identity_(config.robot_id, kept_.boot, static_cast<int>(protocol_.peers().size())) {
+      identity_(config.robot_id, kept_.boot, static_cast<int>(protocol_.peers().size())),
+      tracking_(config.error_bound_m, config.off_course_m) {
   std::set<int> robots(config.roster.begin(), config.roster.end());
   robots.insert(config.robot_id);
   places_.assign(robots.begin(), robots.end());
@@ -112,7 +117,7 @@ Refusal BroadcastNode::on_state(Utime now, std::span<const std::uint8_t> bytes) 
   sogm_swarm::robot_state_t state;
   const Refusal refusal = receive(bytes, FromRobot{config_.robot_id}, window(now), state_gate_, &state);
   if (refusal != Refusal::kNone) return refusal;
-  if (motion()) return Refusal::kNone;
+  if (motion()) return track(now, state), Refusal::kNone;
   const Eigen::Vector3d position(state.position);
   Motion first = kept_.motion.value_or(Motion{Trajectory::hover(1, now, position), {}});
   // Kept in another time, for the clock was set back since: it would be flown again. The last node's clock may have
@@ -126,6 +131,21 @@ Refusal BroadcastNode::on_state(Utime now, std::span<const std::uint8_t> bytes) 
   keep(now, protocol_.state());
   yaw_rad_ = state.yaw;
   return Refusal::kNone;
+}
+
+void BroadcastNode::track(Utime now, const sogm_swarm::robot_state_t& state) {
+  const Utime utime = to_utime(state.header.utime);
+  if (utime < motion()->committed.start_utime()) return;  // where it was bound to be then is not known any more
+  const Eigen::Vector3d position(state.position), velocity(state.velocity);
+  const bool was_off_course = tracking_.was_off_course(now);
+  tracking_.saw(utime, (position - motion()->at(utime).position).norm());
+  if (!tracking_.is_off_course()) return;
+  if (!was_off_course)
+    spdlog::warn("off course: the robot is {:.2f} m from its motion; it goes on from where it is",
+                 tracking_.newest_m());
+  protocol_.force(Trajectory::braking(1, utime, position, velocity, config_.a_max_mps2));
+  keep(now, protocol_.state());
+  tracking_.back_on_course();
 }
 
 void BroadcastNode::keep(Utime now, announcement_t promise) {
@@ -266,6 +286,7 @@ bool BroadcastNode::on_clock_step(Utime now, Duration step) {
   clock_is_stepped_ = step != 0us && !rests;
   if (step == 0us || !rests) return rests;
   const Utime then = now + step;
+  tracking_.forget();
   identity_.set_clock(then, step);
   for (auto& [id, link] : links_) {  // what they differed by is not what they differ by
     link.clock = ClockOffset();
@@ -284,6 +305,7 @@ void BroadcastNode::advance(Utime now) {
   clock_doubt_until_ = std::min(clock_doubt_until_, now + kMaxMotion);
   identity_.advance(now);
   protocol_.doubt_clocks(!clocks_agree(now));
+  protocol_.set_error_bound(tracking_.bound_m(now));
   protocol_.advance(now);
 }
 
@@ -370,18 +392,21 @@ void BroadcastNode::publish_status(Utime now, Outbox& outbox) {
   using sogm_swarm::broadcast_status_t;
   broadcast_status_t status{};
   status.header = status_headers_.next(now);
-  status.state = !motion()                 ? broadcast_status_t::kNoState
-                 : store_fails_            ? broadcast_status_t::kNoStorage
-                 : identity_.has_twin(now) ? broadcast_status_t::kTwin
-                 : !clocks_agree(now)      ? broadcast_status_t::kClock
-                 : !protocol_.all_hear()   ? broadcast_status_t::kWaiting
-                                           : broadcast_status_t::kFlying;
+  status.state = !motion()                       ? broadcast_status_t::kNoState
+                 : store_fails_                  ? broadcast_status_t::kNoStorage
+                 : identity_.has_twin(now)       ? broadcast_status_t::kTwin
+                 : !clocks_agree(now)            ? broadcast_status_t::kClock
+                 : tracking_.was_off_course(now) ? broadcast_status_t::kOffCourse
+                 : !protocol_.all_hear()         ? broadcast_status_t::kWaiting
+                                                 : broadcast_status_t::kFlying;
   status.candidates = candidates_;
   status.commits = protocol_.commits();
   status.forced = protocol_.forced();
   status.withdrawn = protocol_.withdrawn();
   std::copy(rejected_.begin(), rejected_.end(), status.rejected);
   status.lost = lost();
+  status.tracking_error = static_cast<float>(tracking_.newest_m());
+  status.error_bound = static_cast<float>(tracking_.bound_m(now));
   for (const auto& [id, link] : links_) {
     if (link.boot < 0 || now - link.heard > 1s) continue;
     ++status.peers_heard;

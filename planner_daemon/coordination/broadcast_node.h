@@ -18,6 +18,7 @@
 #include "planner_daemon/coordination/commit_protocol.h"
 #include "planner_daemon/coordination/identity.h"
 #include "planner_daemon/coordination/promise_store.h"
+#include "planner_daemon/coordination/tracking_monitor.h"
 
 namespace swarm {
 
@@ -33,6 +34,8 @@ struct BroadcastConfig {
   double swarm_rate_hz = 1000;  // announcements of all robots together, at most
   double setpoint_rate_hz = 100;
   double yaw_rate_max_radps = 1.5;
+  double error_bound_m = 0.3;   // at most: so far from its motion the robot is expected to be
+  double off_course_m = 0.5;    // farther from its motion it has lost it
   double clock_error_s = 0.01;  // clocks of two robots differ by at most this
   double clock_limit_s = 0.1;   // the robot's own messages from further in the future are refused
   std::string state_dir;        // where promises survive a crash; empty: nowhere
@@ -76,6 +79,8 @@ class BroadcastNode : public Node {
   };
 
   Refusal on_state(Utime now, std::span<const std::uint8_t> bytes);
+  // How far the robot is from its motion; one that has left it goes on from where it is.
+  void track(Utime now, const sogm_swarm::robot_state_t& state);
   Refusal on_candidate(Utime now, std::span<const std::uint8_t> bytes);
   Refusal on_peer(Utime now, std::span<const std::uint8_t> bytes);
   // Has what waits from peers judged and relayed: of each peer the newest, twice as often as it may speak at most, and
@@ -105,6 +110,7 @@ class BroadcastNode : public Node {
   HeaderSource announcement_headers_, setpoint_headers_, status_headers_, promise_headers_;
   CommitProtocol protocol_;
   Identity identity_;
+  TrackingMonitor tracking_;
   RefusalCounts refused_;
   std::array<std::int32_t, kNumRejections> rejected_{};
   std::vector<int> places_;    // ids of all robots that fly, ascending

@@ -66,22 +66,34 @@ void CommitProtocol::set_clock(Utime now, Duration step) {
   news_ = true;
 }
 
+void CommitProtocol::force(const Trajectory& motion) {
+  if (!pending_.empty()) withdraw();
+  motion_ = Motion{motion, {}};
+  motion_->committed.set_seq(next_seq_++);
+  forced_seq_ = motion_->seq();
+  ++commits_;
+  ++forced_;
+  news_ = true;
+}
+
 bool CommitProtocol::all_hear() const {
   return std::all_of(peers_.begin(), peers_.end(),
                      [](const auto& entry) { return entry.second.heard && entry.second.hears_us; });
 }
 
-bool CommitProtocol::free_of(const Trajectory& mine, const Motion& other, double other_radius_m) const {
-  const double distance = rules_.radius_m + other_radius_m + rules_.separation_m;
-  return motions_separated({mine, {}}, other, mine.start_utime(), distance, rules_.clock_error_s);
+bool CommitProtocol::free_of(const Trajectory& trajectory, const Motion& other, double other_radius_m) const {
+  return motions_separated({trajectory, {}}, other, trajectory.start_utime(), apart_m(radius_m(), other_radius_m),
+                           rules_.clock_error_s);
 }
 
-bool CommitProtocol::keeps_off(const Trajectory& mine, const Motion& bound, double other_radius_m) const {
-  if (free_of(mine, bound, other_radius_m)) return true;
-  const Utime start = mine.start_utime();
-  const double now_m = (mine.knot(0).position - bound.at(start).position).norm();
-  return now_m < rules_.radius_m + other_radius_m + rules_.separation_m &&
-         motions_separated({mine, {}}, bound, start, now_m - kRounding_m);
+bool CommitProtocol::keeps_off(const Trajectory& trajectory, const Motion& bound, const Peer& peer) const {
+  if (free_of(trajectory, bound, peer.radius_m)) return true;
+  const Utime start = trajectory.start_utime();
+  const double now_m = (trajectory.knot(0).position - bound.at(start).position).norm();
+  if (now_m >= apart_m(radius_m(), peer.radius_m)) return false;
+  const double least_m = apart_m(rules_.radius_m, peer.least_radius_m);  // what is new, again and again, stays beyond
+  const double stays_m = now_m < least_m ? now_m - kRounding_m : std::max(now_m - kRounding_m, least_m);
+  return motions_separated({trajectory, {}}, bound, start, stays_m);
 }
 
 Rejection CommitProtocol::propose(Utime now, const Trajectory& candidate, bool urgent) {
@@ -91,7 +103,7 @@ Rejection CommitProtocol::propose(Utime now, const Trajectory& candidate, bool u
   if (!motion_->next.empty()) return Rejection::kBusy;
   for (const auto& [id, peer] : peers_) {
     if (!peer.heard) continue;
-    if (!keeps_off(candidate, peer.motion, peer.radius_m)) return Rejection::kConflict;
+    if (!keeps_off(candidate, peer.motion, peer)) return Rejection::kConflict;
     if (peer.acknowledged() && !free_of(candidate, {peer.motion.committed, peer.pending}, peer.radius_m))
       return Rejection::kConflict;
   }
@@ -114,11 +126,14 @@ void CommitProtocol::receive(Utime now, const announcement_t& message) {
   const auto entry = peers_.find(message.header.robot_id);
   Peer& peer = entry->second;
   if (!peer.heard || peer.boot != message.header.boot) {  // nothing said before counts
+    const double least_radius_m = peer.heard ? peer.least_radius_m : message.radius;
     peer = Peer();
     peer.heard = news_ = true;
+    peer.least_radius_m = least_radius_m;
     peer.boot = message.header.boot;
   }
   peer.radius_m = message.radius;
+  peer.least_radius_m = std::min(peer.least_radius_m, peer.radius_m);
   peer.motion = motion_of(message);
   peer.pending = pending_of(message);
   peer.stamp = to_utime(message.pending_stamp);
@@ -136,7 +151,7 @@ void CommitProtocol::judge(Utime now, int peer_id, Peer* peer) {
   peer->verdict = ack_t::kAck;
   news_ = true;
   const bool late = peer->pending.start_utime() + to_duration(rules_.clock_error_s) <= now;  // by any clock
-  if (late || !keeps_off(peer->pending, *motion_, peer->radius_m)) {
+  if (late || !keeps_off(peer->pending, *motion_, *peer)) {
     peer->verdict = ack_t::kNack;
   } else if (!pending_.empty() && !free_of(peer->pending, {motion_->committed, pending_}, peer->radius_m)) {
     if (std::pair(stamp_, rules_.robot_id) < std::pair(peer->stamp, peer_id)) {
@@ -175,7 +190,7 @@ bool CommitProtocol::may_commit(Utime now) const {
   return std::all_of(peers_.begin(), peers_.end(), [this, agreed](const auto& entry) {
     const auto& [id, peer] = entry;
     const bool judged_there = agreed && id < rules_.robot_id;  // our P against its C
-    if (peer.heard && !judged_there && !keeps_off(pending_, peer.motion, peer.radius_m)) return false;
+    if (peer.heard && !judged_there && !keeps_off(pending_, peer.motion, peer)) return false;
     const bool counts = agreed ? peer.acknowledged() : !peer.pending.empty();
     return !counts || free_of(pending_, {peer.motion.committed, peer.pending}, peer.radius_m);
   });
@@ -204,7 +219,7 @@ void CommitProtocol::withdraw() {
 
 announcement_t CommitProtocol::state() const {
   announcement_t message{};
-  message.radius = static_cast<float>(rules_.radius_m);
+  message.radius = static_cast<float>(radius_m());
   message.committed = motion_->committed.to_wire();
   message.pending_state = announcement_t::kNone;
   if (!motion_->next.empty()) {

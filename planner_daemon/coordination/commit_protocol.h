@@ -22,6 +22,9 @@
 //     that has not answered commits meanwhile, what a peer commits that has not echoed this start (it may rely on an
 //     answer from before), or a robot that was never heard. Two robots that are closer than they may be since then may
 //     commit what does not bring them nearer.
+//  7. A robot that is off its motion by up to an error bound announces its radius with it; what is new keeps that off.
+//     Robots that are closer than that, but no closer than they may be without it, may likewise commit what does not
+//     bring them nearer. One that has lost its motion altogether is bound to how it comes to rest: that is forced.
 // Every announcement is the whole state (C, P, verdicts), repeated for ever, and only newer ones (boot, seq) are read:
 // so losses heal, and duplicates and reordering change nothing.
 //
@@ -76,7 +79,8 @@ class CommitProtocol {
     bool hears_us = false;       // it has echoed this start of ours
     std::int32_t our_boot = -1;  // that it has echoed
     std::int32_t boot = -1;
-    double radius_m = 0.0;
+    double radius_m = 0.0;        // as announced: with what it may err by
+    double least_radius_m = 0.0;  // that it ever announced: what it is without
     Motion motion;                // what it is bound to
     Trajectory pending;           // announced, not yet committed; may be empty
     Utime stamp{};                // of pending
@@ -94,6 +98,9 @@ class CommitProtocol {
   void start(const Motion& motion, std::int32_t forced_seq = 0);
   // This start is a later one after all, before anything was committed: nothing that was said of it before counts.
   void set_boot(std::int32_t boot);
+  // So far from its motion the robot may be: announced as a part of the radius, which is kept free around what is new.
+  // What is closer to another already may stay so.
+  void set_error_bound(double bound_m) { error_bound_m_ = bound_m; }
   // While a peer's clock is known to be wrong, nothing is committed but what is urgent.
   void doubt_clocks(bool doubt) { doubts_clocks_ = doubt; }
   const std::optional<Motion>& motion() const { return motion_; }
@@ -105,6 +112,10 @@ class CommitProtocol {
   // move when they did, by the new clock; nothing is committed before each was heard again, as after a restart (rule
   // 5).
   void set_clock(Utime now, Duration step);
+
+  // The robot has left its motion: from now on it is bound to `motion` from where it really is, whoever is there. It is
+  // forced (rule 6), as it is what the robot does.
+  void force(const Trajectory& motion);
 
   // Announces a candidate that leaves the committed motion in the future. kNone, kNoCommitted, kWaiting or kClock (not
   // when it is urgent), kBusy or kConflict. One that still waits is withdrawn.
@@ -134,9 +145,14 @@ class CommitProtocol {
   void judge(Utime now, int peer_id, Peer* peer);
   void withdraw();
   bool everybody_agrees() const;
-  bool free_of(const Trajectory& mine, const Motion& other, double other_radius_m) const;
-  // Of a motion that another is bound to: or does not come nearer to it, where they are too close already.
-  bool keeps_off(const Trajectory& mine, const Motion& bound, double other_radius_m) const;
+  double radius_m() const { return rules_.radius_m + error_bound_m_; }
+  double apart_m(double radius_m, double other_radius_m) const {
+    return radius_m + other_radius_m + rules_.separation_m;
+  }
+  bool free_of(const Trajectory& trajectory, const Motion& other, double other_radius_m) const;
+  // The trajectory, this robot's or the peer's, of the motion that the other one is bound to: or does not come nearer
+  // to it, where they are too close already.
+  bool keeps_off(const Trajectory& trajectory, const Motion& bound, const Peer& peer) const;
 
   Rules rules_;
   std::int32_t roster_crc_ = 0;
@@ -147,6 +163,7 @@ class CommitProtocol {
   bool urgent_ = false;  // what is pending
   std::int32_t forced_seq_ = 0;
   bool doubts_clocks_ = false;
+  double error_bound_m_ = 0.0;
   std::int32_t next_seq_ = 1;
   std::map<int, Peer> peers_;  // all of the roster but this one
   bool news_ = false;

@@ -31,12 +31,14 @@ Columns column_of(const Eigen::Vector3i& voxel) {
 
 }  // namespace
 
-void ConfigurationSpace::compose(const Sogm& sogm, const std::vector<Peer>& peers, const ReachableSet& reachable) {
+void ConfigurationSpace::compose(const Sogm& sogm, const std::vector<Peer>& peers, const ReachableSet& reachable,
+                                 double margin_m) {
+  margin_m_ = margin_m;
   occupancy_ = {&sogm, &peers_};
   add_peers(peers, reachable);
   for (Sogm* layer : {&blocked_.sogm, &emergency_.sogm, &collision_.sogm, &recently_occupied_, &inflation_})
     lay_out(sogm, sogm.num_frames, layer);
-  blocked_.dilator.set(sogm.geometry, options_.blocked_m());
+  blocked_.dilator.set(sogm.geometry, blocked_m());
   emergency_.dilator.set(sogm.geometry, options_.radius_m + options_.emergency_clearance_m);
   collision_.dilator.set(sogm.geometry, std::max(0.0, options_.radius_m - options_.collision_depth_m));
   walls_.set_resolution(sogm.geometry.resolution_m);
@@ -58,7 +60,7 @@ void ConfigurationSpace::compose(const Sogm& sogm, const std::vector<Peer>& peer
 void ConfigurationSpace::add_peers(const std::vector<Peer>& peers, const ReachableSet& reachable) {
   const Sogm& sogm = *occupancy_.sogm;
   const double most_m =
-      options_.radius_m + std::max(options_.clearance_m, options_.emergency_clearance_m) + options_.inflation_m;
+      std::max(blocked_m(), options_.radius_m + options_.emergency_clearance_m) + options_.inflation_m;
   const int margin = static_cast<int>(std::ceil(most_m / sogm.geometry.resolution_m)) + 1;
   peers_.lay_out(sogm);
   silent_peers_.lay_out(sogm);
@@ -141,7 +143,7 @@ const Sogm& ConfigurationSpace::look(int first_frame, int last_frame, const Colu
 
 Eigen::AlignedBox3d ConfigurationSpace::known() const {
   const GridGeometry& grid = blocked_.sogm.geometry;
-  const double rim = std::ceil(options_.blocked_m() / grid.resolution_m - 1e-9);
+  const double rim = std::ceil(blocked_m() / grid.resolution_m - 1e-9);
   return {(grid.origin.cast<double>().array() + rim) * grid.resolution_m,
           ((grid.origin + grid.size).cast<double>().array() - rim) * grid.resolution_m};
 }

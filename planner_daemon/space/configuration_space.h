@@ -43,15 +43,17 @@ class ConfigurationSpace {
   ConfigurationSpace(const ConfigurationSpace&) = delete;  // occupancy() refers to parts of this
   ConfigurationSpace& operator=(const ConfigurationSpace&) = delete;
 
-  // The space around what `sogm` holds and what the peers sweep within `reachable`. Refers to `sogm` until the next
-  // call.
-  void compose(const Sogm& sogm, const std::vector<Peer>& peers, const ReachableSet& reachable);
+  // The space around what `sogm` holds and what the peers sweep within `reachable`; what blocks keeps off `margin_m`
+  // beyond the clearance. Refers to `sogm` until the next call.
+  void compose(const Sogm& sogm, const std::vector<Peer>& peers, const ReachableSet& reachable, double margin_m = 0.0);
   // What stands still in every frame, peers that hover among it, in the whole window: one frame. Valid until the next
   // call.
   Occupancy compose_standing(const std::vector<Peer>& peers);
 
-  // So far ways keep from the middles of voxels where something stands still. More than what blocks the centre where
-  // walls do so by exact distance.
+  // So far the centre keeps from the middles of occupied voxels, in what was composed.
+  double blocked_m() const { return options_.blocked_m() + margin_m_; }
+  // So far ways keep from the middles of voxels where something stands still, whatever the margin: it passes. More than
+  // what blocks the centre where walls do so by exact distance.
   double way_m() const { return std::max(options_.blocked_m(), walls_.way_m()); }
 
   const Occupancy& occupancy() const { return occupancy_; }
@@ -107,6 +109,7 @@ class ConfigurationSpace {
   void work_out_inflation(int frame, const Columns& box);
 
   ConfigurationSpaceOptions options_;
+  double margin_m_ = 0.0;
   Walls walls_;
   Occupancy occupancy_;
   SweptVolumes peers_, standing_peers_;

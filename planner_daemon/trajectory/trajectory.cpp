@@ -16,6 +16,22 @@ Trajectory Trajectory::hover(std::int32_t seq, Utime start_utime, const Eigen::V
   return trajectory;
 }
 
+// The velocity falls as a cubic of time does: half of `duration_s` at the first one, and three halves of an even
+// braking.
+Trajectory Trajectory::braking(std::int32_t seq, Utime start_utime, const Eigen::Vector3d& position,
+                               const Eigen::Vector3d& velocity, double a_max_mps2) {
+  const double duration_s = std::clamp(1.5 * velocity.cwiseAbs().maxCoeff() / a_max_mps2, 0.1, 5.0);
+  Trajectory trajectory(seq, start_utime, to_duration(duration_s), 1);
+  MotionState state;
+  state.position = position;
+  state.velocity = velocity;
+  trajectory.set_knot(0, state);
+  state.position += 0.5 * duration_s * velocity;
+  state.velocity.setZero();
+  trajectory.set_knot(1, state);
+  return trajectory;
+}
+
 Trajectory Trajectory::from_wire(const sogm_swarm::trajectory_t& wire) {
   Trajectory trajectory(wire.seq, to_utime(wire.start_utime), Duration(std::max(wire.piece_us, 1)), wire.num_pieces);
   for (std::size_t i = 0; i < trajectory.knots_.size(); ++i) {

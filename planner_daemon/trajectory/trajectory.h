@@ -19,6 +19,10 @@ class Trajectory {
   Trajectory() = default;
   // Hover at `position` from `start_utime` on. seq >= 1.
   static Trajectory hover(std::int32_t seq, Utime start_utime, const Eigen::Vector3d& position);
+  // From this place at this velocity to rest, with at most `a_max_mps2` on each axis; for 5 s at most, so a faster one
+  // brakes harder. seq >= 1.
+  static Trajectory braking(std::int32_t seq, Utime start_utime, const Eigen::Vector3d& position,
+                            const Eigen::Vector3d& velocity, double a_max_mps2);
   // From a message that passed decode().
   static Trajectory from_wire(const sogm_swarm::trajectory_t& wire);
   sogm_swarm::trajectory_t to_wire() const;

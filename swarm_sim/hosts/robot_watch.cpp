@@ -64,6 +64,7 @@ std::string RobotWatch::missing() const {
   if (broadcast_.state == broadcast_status_t::kTwin)
     return "broadcast_daemon: another one speaks under this robot's id";
   if (broadcast_.state == broadcast_status_t::kClock) return "broadcast_daemon: a peer's clock differs too much";
+  if (broadcast_.state == broadcast_status_t::kOffCourse) return "broadcast_daemon: the robot is far off its motion";
   if (broadcast_.state != broadcast_status_t::kFlying)
     return "broadcast_daemon: waits for the robot's state or for peers";
   if (map_.header.utime == 0) return "map_daemon: no status";

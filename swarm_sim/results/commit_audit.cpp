@@ -2,7 +2,7 @@
 
 #include <algorithm>
 #include <array>
-#include <tuple>
+#include <utility>
 
 #include "lcmtypes/bus/channels.h"
 #include "lcmtypes/bus/lcm_log.h"
@@ -18,8 +18,7 @@ constexpr Duration kSet = 20ms;  // a clock that differs so much from what it wa
 }  // namespace
 
 bool CommitAudit::Announcement::differs(const Announcement& other) const {
-  return std::tuple(header.boot, radius_m, motion.seq()) !=
-         std::tuple(other.header.boot, other.radius_m, other.motion.seq());
+  return std::pair(header.boot, motion.seq()) != std::pair(other.header.boot, other.motion.seq());
 }
 
 void CommitAudit::Announcement::set_back(Duration clock_offset) {
@@ -38,7 +37,8 @@ bool CommitAudit::read(std::span<const std::uint8_t> bytes, Announcement* announ
   sogm_swarm::announcement_t message;
   if (decode(bytes, &message) != Refusal::kNone) return false;
   announcement->header = message.header;
-  announcement->radius_m = message.radius;
+  const auto [radius_m, is_first] = radii_m_.try_emplace(message.header.robot_id, message.radius);
+  radius_m->second = std::min<double>(radius_m->second, message.radius);
   announcement->forced_seq = message.forced_seq;
   announcement->motion = motion_of(message);
   return true;
@@ -64,7 +64,7 @@ void CommitAudit::hear(const Announcement& announcement) {
   for (const auto& [other_id, other] : robots_) {
     if (other_id == id) continue;
     const Announcement& theirs = other.newest;
-    if (motions_separated(announcement.motion, theirs.motion, utime, announcement.radius_m + theirs.radius_m)) continue;
+    if (motions_separated(announcement.motion, theirs.motion, utime, radii_m_.at(id) + radii_m_.at(other_id))) continue;
     conflicts_.push_back({utime, id, other_id, announcement.motion.seq(), theirs.motion.seq(),
                           announcement.is_forced(utime) || theirs.is_forced(utime)});
   }

@@ -1,5 +1,5 @@
 // Audits the promise of the commit protocol from what is on the swarm bus alone: no two committed motions, hover tails
-// included, ever come closer than the sum of the radii.
+// included, ever come closer than the sum of the radii, without what robots that err announce besides.
 #pragma once
 
 #include <cstdint>
@@ -41,7 +41,6 @@ class CommitAudit {
  private:
   struct Announcement {
     sogm_swarm::header_t header{};
-    double radius_m = 0.0;
     Motion motion;
     std::int32_t forced_seq = 0;  // newest that was committed without everybody's word
     std::optional<Utime> sent;    // by the world's clock, where that counts
@@ -57,9 +56,10 @@ class CommitAudit {
     Announcement newest;
   };
   // False: it is none.
-  static bool read(std::span<const std::uint8_t> bytes, Announcement* announcement);
+  bool read(std::span<const std::uint8_t> bytes, Announcement* announcement);
   void hear(const Announcement& announcement);
 
+  std::map<int, double> radii_m_;  // of the robots, by id: the least announced; at times they announce errors with it
   std::map<int, Robot> robots_;
   std::map<int, Announcement> newest_;   // collected
   std::vector<Announcement> collected_;  // without repetitions

@@ -100,7 +100,7 @@ TEST(Validate, Ranges) {
   EXPECT_RANGE(map_status_t, state, 0, 2);
   EXPECT_RANGE(planner_status_t, state, 0, 5);
   EXPECT_RANGE(planner_status_t, outcome, 0, 2);
-  EXPECT_RANGE(broadcast_status_t, state, 0, 5);
+  EXPECT_RANGE(broadcast_status_t, state, 0, 6);
   Judge<announcement_t> announcement;
   EXPECT_EQ(announcement([](auto& m) { m.radius = 0.0f; }), kValue);
   EXPECT_EQ(announcement([](auto& m) { m.radius = 10.0f; }), kGood);

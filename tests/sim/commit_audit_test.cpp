@@ -55,6 +55,26 @@ TEST(CommitAudit, FindsWhatMeetsOnceItIsCommitted) {
   EXPECT_EQ(audit.motions(), 4);
 }
 
+// What robots announce to keep for their errors besides is not promised.
+TEST(CommitAudit, HoldsRobotsToWhatTheyAreWithoutTheirErrors) {
+  const auto hover = [](int robot, std::int64_t seq, double x, float radius) {
+    announcement_t message;
+    EXPECT_EQ(decode(announcement(robot, seq, Trajectory::hover(static_cast<std::int32_t>(seq) + 1, kStart, {x, 0, 1})),
+                     &message),
+              Refusal::kNone);
+    message.radius = radius;
+    return encoded(message);
+  };
+  CommitAudit audit;
+  audit.hear(hover(0, 0, 0.0, 0.2f));
+  audit.hear(hover(1, 0, 0.5, 0.2f));
+  audit.hear(hover(0, 1, 0.0, 0.5f));
+  audit.hear(hover(1, 1, 0.45, 0.5f));
+  EXPECT_TRUE(audit.conflicts().empty());
+  audit.hear(hover(1, 2, 0.35, 0.5f));
+  EXPECT_EQ(audit.conflicts().size(), 1u);
+}
+
 TEST(CommitAudit, ARestartThatCountsFromTheBeginningIsAudited) {
   CommitAudit audit;
   audit.hear(announcement(0, 0, kHover0));

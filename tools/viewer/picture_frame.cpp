@@ -82,6 +82,7 @@ Json planner_json(const planner_status_t& status) {
             {"optimize", rounded(status.optimize_ms)},
             {"check", rounded(status.check_ms)}}},
           {"expansions", status.expansions},
+          {"margin_m", rounded(status.margin)},
           {"refused", refused_json(status)}};
 }
 
@@ -94,7 +95,8 @@ Json map_json(const map_status_t& status) {
 
 Json broadcast_json(const broadcast_status_t& status) {
   static constexpr std::array kStates = {"flying",     "no robot state", "waiting for a peer",
-                                         "no storage", "clocks differ",  "another speaks under this id"};
+                                         "no storage", "clocks differ",  "another speaks under this id",
+                                         "off course"};
   Json rejected = Json::object();
   for (int i = 1; i < kNumRejections; ++i)
     if (status.rejected[i] > 0) rejected[to_string(static_cast<Rejection>(i))] = status.rejected[i];
@@ -106,6 +108,8 @@ Json broadcast_json(const broadcast_status_t& status) {
           {"rejected", rejected},
           {"peers_heard", status.peers_heard},
           {"lost", status.lost},
+          {"tracking_error_m", rounded(status.tracking_error)},
+          {"error_bound_m", rounded(status.error_bound)},
           {"max_age_ms", rounded(status.max_age_ms)},
           {"max_clock_offset_ms", rounded(status.max_clock_offset_ms)},
           {"refused", refused_json(status)}};

@@ -130,6 +130,7 @@ function rows(robot) {
   if (planner) {
     all.push(["plans", planner.rate_hz.toFixed(1) + " /s, " + planner.outcome, planner.outcome === "unsafe"]);
     if (planner.total_ms > 0) all.push(["planning", planner.total_ms.toFixed(2) + " ms", false]);
+    if (planner.margin_m > 0) all.push(["margin", planner.margin_m.toFixed(2) + " m", false]);
     if (planner.missed > 0) all.push(["maps missed", planner.missed, false]);
   }
   if (map) all.push(["map", map.rate_hz.toFixed(1) + " /s" + (map.build_ms > 0 ? ", " + map.build_ms.toFixed(2) + " ms" : ""), false]);
@@ -137,6 +138,7 @@ function rows(robot) {
     all.push(["commits", broadcast.commits + " of " + broadcast.candidates, false]);
     if (broadcast.forced > 0) all.push(["forced", broadcast.forced, true]);
     if (Object.keys(broadcast.rejected).length > 0) all.push(["rejected", counts(broadcast.rejected), false]);
+    if (broadcast.tracking_error_m > 0.005) all.push(["off its motion", broadcast.tracking_error_m.toFixed(2) + " m", broadcast.tracking_error_m > 0.3]);
     all.push(["peers", broadcast.peers_heard + ", oldest " + broadcast.max_age_ms.toFixed(0) + " ms", false]);
     if (broadcast.lost > 0) all.push(["lost", broadcast.lost + " announcements", false]);
     if (Math.abs(broadcast.max_clock_offset_ms) > 5) all.push(["clock", broadcast.max_clock_offset_ms.toFixed(1) + " ms off", true]);
