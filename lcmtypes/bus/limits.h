@@ -39,6 +39,7 @@ inline constexpr int kMaxWorldIndex = 1 << 30;  // of a voxel, either sign: sums
 inline constexpr double kMaxPosition_m = 1e5;
 inline constexpr double kMaxVelocity_mps = 100.0;
 inline constexpr double kMaxAcceleration_mps2 = 1e3;
+inline constexpr double kMaxJerk_mps3 = 1e5;
 inline constexpr Utime kMaxUtime = to_utime(std::int64_t{1} << 53);  // sums of times never overflow
 
 // Of what a robot proposes to fly, from then on.

@@ -1,9 +1,9 @@
 #include "swarm_sim/environment/vehicle_model.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <numbers>
+#include <vector>
 
 #include "lcmtypes/bus/portable_math.h"
 #include "planner_daemon/trajectory/vehicle_fit.h"
@@ -43,8 +43,11 @@ class NoisyVehicle : public VehicleModel {
 // controller. Forces per mass.
 class Quadrotor : public VehicleModel {
  public:
-  Quadrotor(const VehicleOptions& options, const Eigen::Vector3d& start, std::uint64_t seed, std::uint64_t wind_seed)
-      : gains_(options.gains == "soft" ? kSoft : kFirm),
+  Quadrotor(const QuadrotorBody& body, const VehicleOptions& options, const Eigen::Vector3d& start, std::uint64_t seed,
+            std::uint64_t wind_seed)
+      : body_(body),
+        told_(static_cast<std::size_t>(std::ceil(body.delay_s / kStep_s - 1e-9)) + 1),
+        carry_on_{static_cast<double>(told_.size() - 1) * kStep_s - body.delay_s, 0.0, 0.0},
         fit_{1e-3 * options.lead_ms, 1e-3 * options.lag_ms, options.drag_per_s},
         random_(seed),
         gusts_(options.wind_mps, &random_),
@@ -57,7 +60,7 @@ class Quadrotor : public VehicleModel {
     integral_ = pull_ - kGravity;
     MotionState hover;
     hover.position = start;
-    told_.fill(hover);
+    std::ranges::fill(told_, hover);
     thrust_ = pull_.norm();
     direction_ = pull_ / thrust_;
   }
@@ -65,7 +68,7 @@ class Quadrotor : public VehicleModel {
   MotionState follow(const MotionState& reference, const MotionState& error) override {
     std::shift_left(told_.begin(), told_.end(), 1);
     told_.back() = fitted(reference, fit_);
-    control(told_.front(), error);
+    control(fitted(told_.front(), carry_on_), error);
     const double pull = pull_.norm();
     gusts_.step(kStep_s, &random_);
     const Eigen::Vector3d gust = gusts_.value();
@@ -76,9 +79,9 @@ class Quadrotor : public VehicleModel {
     constexpr int kSteps = 10;
     constexpr double kDt_s = kStep_s / kSteps;
     for (int i = 0; i < kSteps; ++i) {
-      direction_ += kDt_s / kAttitudeLag_s * (pull_ / pull - direction_);
+      direction_ += kDt_s / body_.attitude_lag_s * (pull_ / pull - direction_);
       direction_ /= direction_.norm();
-      thrust_ += kDt_s / kThrustLag_s * (pull - thrust_);
+      thrust_ += kDt_s / body_.thrust_lag_s * (pull - thrust_);
       state_.acceleration = thrust_ * direction_ - kGravity + drag(wind - state_.velocity);
       state_.position += kDt_s * (state_.velocity + 0.5 * kDt_s * state_.acceleration);
       state_.velocity += kDt_s * state_.acceleration;
@@ -88,54 +91,62 @@ class Quadrotor : public VehicleModel {
   }
 
  private:
-  struct Gains {
-    double position, velocity, integral;  // [1/s^2], [1/s], [1/s^3]
-  };
-  static constexpr Gains kFirm{8.0, 5.0, 2.0}, kSoft{1.7, 1.8, 0.4};  // the latter as PX4 has them when it is new
-  static constexpr double kAttitudeLag_s = 0.07, kThrustLag_s = 0.04;
-  static constexpr int kDelay = 2;                                                 // steps
   static constexpr double kLeastThrust = 2.0, kMostThrust = 20.0, kMostUp = 18.0;  // [m/s^2]
   static constexpr double kMostIntegral = 4.0;                                     // [m/s^2]
-  static constexpr double kLinearDrag = 0.25, kQuadraticDrag = 0.02;               // [1/s], [1/m]
   static constexpr double kGust = 0.2;                                             // of the wind
   inline static const Eigen::Vector3d kGravity{0.0, 0.0, 9.81};                    // what holds it up against that
 
   // Of air that passes at `speed`.
-  static Eigen::Vector3d drag(const Eigen::Vector3d& speed) {
-    return (kLinearDrag + kQuadraticDrag * speed.norm()) * speed;
+  Eigen::Vector3d drag(const Eigen::Vector3d& speed) const {
+    return (body_.linear_drag_per_s + body_.quadratic_drag_per_m * speed.norm()) * speed;
   }
 
   // The position controller: feed-forward, proportional to what is amiss, and integral. Tilts by 45 degrees at most.
   void control(const MotionState& reference, const MotionState& error) {
     const Eigen::Vector3d amiss = reference.position - state_.position - error.position;
     const Eigen::Vector3d amiss_mps = reference.velocity - state_.velocity - error.velocity;
-    integral_ += kStep_s * gains_.integral * amiss;
+    integral_ += kStep_s * body_.integral_per_s3 * amiss;
     integral_ = integral_.cwiseMax(-kMostIntegral).cwiseMin(kMostIntegral);
-    pull_ = kGravity + reference.acceleration + gains_.position * amiss + gains_.velocity * amiss_mps + integral_;
+    pull_ = kGravity + reference.acceleration + body_.position_per_s2 * amiss + body_.velocity_per_s * amiss_mps +
+            integral_;
     pull_.z() = std::clamp(pull_.z(), kLeastThrust, kMostUp);
     const double sideways = pull_.head<2>().norm();
     const double most = std::min(pull_.z(), std::sqrt(kMostThrust * kMostThrust - pull_.z() * pull_.z()));
     if (sideways > most) pull_.head<2>() *= most / sideways;
   }
 
-  Gains gains_;
+  QuadrotorBody body_;
+  std::vector<MotionState> told_;  // setpoints on their way, the oldest first,
+  VehicleFit carry_on_;            // which is so much older than what acts now
   VehicleFit fit_;
   Random random_;
   Gusts gusts_;
   double gust_mps_;
   Eigen::Vector3d along_wind_, wind_;
   MotionState state_;
-  Eigen::Vector3d pull_, integral_;           // what the controller wants of the thrust
-  std::array<MotionState, kDelay + 1> told_;  // setpoints on their way, the oldest first
+  Eigen::Vector3d pull_, integral_;  // what the controller wants of the thrust
   double thrust_;
   Eigen::Vector3d direction_;  // of the thrust
 };
 
 }  // namespace
 
+QuadrotorBody quadrotor_body(const std::string& gains) {
+  QuadrotorBody body;
+  if (gains == "soft") body.position_per_s2 = 1.7, body.velocity_per_s = 1.8, body.integral_per_s3 = 0.4;
+  return body;
+}
+
+std::unique_ptr<VehicleModel> make_quadrotor(const QuadrotorBody& body, const VehicleOptions& options,
+                                             const Eigen::Vector3d& start, std::uint64_t seed,
+                                             std::uint64_t wind_seed) {
+  return std::make_unique<Quadrotor>(body, options, start, seed, wind_seed);
+}
+
 std::unique_ptr<VehicleModel> make_vehicle_model(const VehicleOptions& options, const Eigen::Vector3d& start,
                                                  std::uint64_t seed, std::uint64_t wind_seed) {
-  if (options.kind == "quadrotor") return std::make_unique<Quadrotor>(options, start, seed, wind_seed);
+  if (options.kind == "quadrotor")
+    return make_quadrotor(quadrotor_body(options.gains), options, start, seed, wind_seed);
   if (options.kind == "noisy") return std::make_unique<NoisyVehicle>(options.tracking_sigma_m, seed);
   return std::make_unique<PerfectVehicle>();
 }

@@ -23,6 +23,19 @@ class VehicleModel {
   virtual MotionState follow(const MotionState& reference, const MotionState& error) = 0;
 };
 
+// A multicopter and its position controller. Lags of first order; drag per mass, of a speed v: (linear + quadratic v)
+// v.
+struct QuadrotorBody {
+  double position_per_s2 = 8.0, velocity_per_s = 5.0, integral_per_s3 = 2.0;  // gains of the controller
+  double delay_s = 0.02;                                                      // from a setpoint until it acts
+  double attitude_lag_s = 0.07, thrust_lag_s = 0.04;
+  double linear_drag_per_s = 0.25, quadratic_drag_per_m = 0.02;
+};
+// Firm or soft, the latter as PX4's gains are when it is new.
+QuadrotorBody quadrotor_body(const std::string& gains);
+std::unique_ptr<VehicleModel> make_quadrotor(const QuadrotorBody& body, const VehicleOptions& options,
+                                             const Eigen::Vector3d& start, std::uint64_t seed, std::uint64_t wind_seed);
+
 // One that hovers at `start`, W. `seed`: of its noise and its gusts; `wind_seed`: of the wind's direction.
 std::unique_ptr<VehicleModel> make_vehicle_model(const VehicleOptions& options, const Eigen::Vector3d& start,
                                                  std::uint64_t seed, std::uint64_t wind_seed);

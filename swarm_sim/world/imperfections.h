@@ -16,7 +16,7 @@ struct VehicleOptions {
   double wind_mps = 0.0;
   std::string gains = "firm";  // or soft
   // Of quadrotor: what its setpoints are given on their way (vehicle_fit.h); as tools/identify finds them for it.
-  double lead_ms = 20.0, lag_ms = 70.0, drag_per_s = 0.3;
+  double lead_ms = 12.0, lag_ms = 35.0, drag_per_s = 0.28;
   // By so much the robot errs about where it is: half of it wanders within half a second, half within twenty.
   double own_noise_m = 0.0;
   bool operator==(const VehicleOptions&) const = default;

@@ -152,6 +152,25 @@ TEST(LogInfo, TellsWhatALogHolds) {
   EXPECT_EQ(finished.out.find("damaged"), std::string::npos);
 }
 
+TEST(Identify, FitsTheSimulatedVehicleFromALog) {
+  const TemporaryDirectory directory;
+  World world = make_world(Task::kCross, Environment::kPure, 20, 3);
+  world.vehicle.kind = "quadrotor";
+  world.vehicle.lead_ms = world.vehicle.lag_ms = world.vehicle.drag_per_s = 0.0;
+  BusLog logs(directory.path(), {0, 1, 2, 3});
+  (void)run_lockstep(world, nullptr, {}, {}, &logs, nullptr, nullptr);
+  logs.close();
+  const std::string csv = directory / "fit.csv";
+  const Finished finished = run_program({"identify", "--csv", csv, directory / "robot0.lcm", directory / "robot1.lcm"});
+  EXPECT_EQ(finished.exit_code, 0) << finished.err;
+  for (const char* text : {"attitude lag     0.07", "mavlink_bridge.cfg", "lead = 0.01", "drag = 0."})
+    EXPECT_NE(finished.out.find(text), std::string::npos) << text << " is missing in:\n" << finished.out;
+  EXPECT_TRUE(read_text(csv).starts_with("flight,time_s,told_x"));
+  const Finished swarm = run_program({"identify", directory / "swarm.lcm"});  // no setpoints there
+  EXPECT_EQ(swarm.exit_code, 2);
+  EXPECT_NE(swarm.err.find(directory / "swarm.lcm"), std::string::npos) << swarm.err;
+}
+
 TEST(LogInfo, TellsDamageAndNamesWhatIsNoLog) {
   const TemporaryDirectory directory;
   (void)write_log(directory / "log.lcm", 10);

@@ -50,6 +50,23 @@ TEST(Bridge, PassesSetpointsOn) {
   EXPECT_EQ(target.target_component, 1);
 }
 
+// Commands take 0.02 s to act, the acceleration lags by 0.07 s, air holds back by 0.3 /s.
+TEST(Bridge, TellsTheControllerWhatFitsTheVehicle) {
+  BridgeConfig config = make_config();
+  config.fit = {0.02, 0.07, 0.3};
+  Flight flight(config);
+  const MotionState state{{1, 2, 3}, {1, -2, 0.5}, {4, 0, -1}, {10, 20, -30}};
+  setpoint_t setpoint = flight.make_setpoint(state);
+  Eigen::Map<Eigen::Vector3d>(setpoint.jerk) = state.jerk;
+  flight.send(channel::kSetpoint, setpoint);
+  ASSERT_EQ(flight.targets(), 1u);
+  const mavlink::SetPositionTargetLocalNed& target = flight.autopilot.targets[0];
+  EXPECT_NEAR(target.position[0], 1 + 0.02 + 0.0002 * 4 + 0.02 * 0.02 * 0.02 / 6 * 10, 1e-6);
+  EXPECT_NEAR(target.velocity[0], 1 + 0.08 + 0.0002 * 10, 1e-6);
+  EXPECT_NEAR(target.acceleration[0], 4 + 0.2 + 0.7 + 0.3 * (1.08 + 0.002), 1e-6);
+  EXPECT_NEAR(target.acceleration[2], -(-1 - 0.6 - 2.1 + 0.3 * (0.5 - 0.02 - 0.006)), 1e-5);
+}
+
 TEST(Bridge, RefusesBadSetpointsAndCountsThem) {
   Flight flight;
   flight.say_setpoint(at_rest({1, 1, 1}));
@@ -74,8 +91,9 @@ TEST(Bridge, RefusesBadSetpointsAndCountsThem) {
     send([&](setpoint_t& s) { s.position[2] = bad; });
     send([&](setpoint_t& s) { s.velocity[0] = bad; });
     send([&](setpoint_t& s) { s.acceleration[1] = bad; });
+    send([&](setpoint_t& s) { s.jerk[2] = bad; });
     send([&](setpoint_t& s) { s.yaw_rate = bad; });
-    EXPECT_EQ(flight.refused(Refusal::kValue), values += 4) << bad;
+    EXPECT_EQ(flight.refused(Refusal::kValue), values += 5) << bad;
   }
   Bytes damaged = encoded(flight.make_setpoint(at_rest({1, 1, 1})));
   damaged[60] ^= 1;

@@ -47,6 +47,11 @@ void declare(OptionSet& options, BridgeConfig& config) {
   options.add("component-id", &config.component_id, 1, 255, "", "MAVLink component id of this bridge");
   options.add("north", &config.north_rad, -6.3, 6.3, "rad", "yaw of north in W; 0: W's x axis points north");
   options.add("origin", &config.origin, -1e5, 1e5, "m", "of the flight controller's local frame, in W");
+  options.add("lead", &config.fit.lead_s, 0, 0.5, "s", "targets are those of so much later: commands take it to act");
+  options.add("lag", &config.fit.lag_s, 0, 1, "s",
+              "targets accelerate by so much times their jerk more: the vehicle's acceleration lags by it");
+  options.add("drag", &config.fit.drag_per_s, 0, 10, "1/s",
+              "targets accelerate by so much times their velocity more: air holds the vehicle back");
   options.add("state-delay", &config.state_delay_s, 0, 1, "s", "from a state's measurement to its arrival here");
   options.add("publish-state", &config.publish_state, "publish ROBOT_STATE; false: somebody else does");
   options.add("timeout", &config.timeout_s, 0.1, 60, "s",
@@ -104,9 +109,10 @@ TimeWindow BridgeNode::window(Utime now, Duration max_age) const {
 Refusal BridgeNode::on_setpoint(Utime now, std::span<const std::uint8_t> bytes) {
   sogm_swarm::setpoint_t setpoint;
   const auto sane_and_in_order = [this](const sogm_swarm::setpoint_t& m) {
-    const bool sane =
-        within(Eigen::Vector3d(m.position), kMaxPosition_m) && within(Eigen::Vector3d(m.velocity), kMaxVelocity_mps) &&
-        within(Eigen::Vector3d(m.acceleration), kMaxAcceleration_mps2) && std::abs(m.yaw_rate) <= kMaxVelocity_mps;
+    const bool sane = within(Eigen::Vector3d(m.position), kMaxPosition_m) &&
+                      within(Eigen::Vector3d(m.velocity), kMaxVelocity_mps) &&
+                      within(Eigen::Vector3d(m.acceleration), kMaxAcceleration_mps2) &&
+                      within(Eigen::Vector3d(m.jerk), kMaxJerk_mps3) && std::abs(m.yaw_rate) <= kMaxVelocity_mps;
     return sane ? setpoint_gate_.pass(m.header) : Refusal::kValue;
   };
   const Refusal refusal =
@@ -274,9 +280,10 @@ Utime BridgeNode::guide(Utime now) {
 void BridgeNode::send_target(Utime utime, const MotionState& state, double yaw_rad, double yaw_rate) {
   mavlink::SetPositionTargetLocalNed target;
   target.time_boot_ms = static_cast<std::uint32_t>(std::max(utime - *start_, Duration()) / 1ms);
-  target.position = to_floats(frame_.position_to_ned(state.position));
-  target.velocity = to_floats(frame_.to_ned(state.velocity));
-  target.acceleration = to_floats(frame_.to_ned(state.acceleration));
+  const MotionState told = fitted(state, config_.fit);
+  target.position = to_floats(frame_.position_to_ned(told.position));
+  target.velocity = to_floats(frame_.to_ned(told.velocity));
+  target.acceleration = to_floats(frame_.to_ned(told.acceleration));
   target.yaw = static_cast<float>(frame_.yaw(yaw_rad));
   target.yaw_rate = static_cast<float>(-yaw_rate);
   target.target_system = to_byte(config_.target_system);

@@ -15,6 +15,7 @@
 #include "lcmtypes/bus/receive.h"
 #include "lcmtypes/bus/recurring.h"
 #include "planner_daemon/trajectory/motion.h"
+#include "planner_daemon/trajectory/vehicle_fit.h"
 #include "tools/bridge/mavlink.h"
 #include "tools/bridge/ned_frame.h"
 
@@ -26,6 +27,7 @@ struct BridgeConfig {
   int system_id = 0, component_id = 191;             // this bridge; system 0: the controller's
   double north_rad = 0.0;                            // yaw of north in W
   Eigen::Vector3d origin = Eigen::Vector3d::Zero();  // of the controller's local frame in W [m]
+  VehicleFit fit;                                    // what targets are given, so that the vehicle follows the setpoints
   double state_delay_s = 0.0;                        // a state is older than its arrival by this
   bool publish_state = true;
   double timeout_s = 0.5;      // no setpoint and no announcement for so long: the broadcast daemon is gone
@@ -114,6 +116,7 @@ class BridgeNode : public Node {
   void follow_clock(Utime now);
   void shift_times(Duration later);
   Utime guide(Utime now);
+  // As fits the vehicle.
   void send_target(Utime utime, const MotionState& state, double yaw_rad, double yaw_rate);
   void send(const mavlink::Message& message) { sink_(encoder_.encode(message)); }
 

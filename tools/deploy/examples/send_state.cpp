@@ -1,4 +1,6 @@
-// Where the robot is, 50 times a second: send_state [BUS [ROBOT]]
+// Where the robot is, 50 times a second: send_state [BUS [ROBOT]]. This one is where its setpoints say.
+#include <algorithm>
+#include <array>
 #include <chrono>
 #include <cstdlib>
 #include <thread>
@@ -12,11 +14,19 @@
 
 int main(int argc, char** argv) {
   swarm::LcmBus bus(argc > 1 ? argv[1] : swarm::kDefaultOnboardUrl);
-  swarm::HeaderSource headers(argc > 2 ? std::atoi(argv[2]) : 0, swarm::new_boot());
+  const int robot = argc > 2 ? std::atoi(argv[2]) : 0;
+  swarm::HeaderSource headers(robot, swarm::new_boot());
+  std::array<double, 3> position{0.0, 0.0, 1.0};  // W [m]
+  bus.subscribe("SETPOINT", [&](std::string_view, std::span<const std::uint8_t> bytes) {
+    sogm_swarm::setpoint_t setpoint;
+    if (swarm::decode(bytes, &setpoint) == swarm::Refusal::kNone && setpoint.header.robot_id == robot)
+      std::ranges::copy(setpoint.position, position.begin());
+  });
   for (std::vector<std::uint8_t> bytes;; std::this_thread::sleep_for(std::chrono::milliseconds(20))) {
     sogm_swarm::robot_state_t state{};
+    bus.drain();
     state.header = headers.next(swarm::wall_utime());  // when this was measured
-    state.position[2] = 1.0;                           // W [m]: from your odometry or motion capture
+    std::ranges::copy(position, state.position);       // yours: from odometry or motion capture
     swarm::encode(state, &bytes);
     if (!bus.publish("ROBOT_STATE", bytes)) return 1;
   }

@@ -1,14 +1,26 @@
-"""Where the robot is, 50 times a second: send_state.py [BUS [ROBOT]]"""
+"""Where the robot is, 50 times a second: send_state.py [BUS [ROBOT]]. This one is where its setpoints say."""
 
 import sys
+import threading
 import time
 
 import swarm_bus
-from sogm_swarm import robot_state_t
+from sogm_swarm import robot_state_t, setpoint_t
 
 bus = swarm_bus.Bus(*sys.argv[1:2] or ["udpm://239.255.76.67:7700?ttl=0"], *map(int, sys.argv[2:3]))
+position = [0.0, 0.0, 1.0]  # W [m]
+
+
+def follow():
+    while True:
+        setpoint = bus.receive("SETPOINT", setpoint_t)
+        if setpoint.header.robot_id == bus.robot:
+            position[:] = setpoint.position
+
+
+threading.Thread(target=follow, daemon=True).start()
 while True:
     state = robot_state_t()
-    state.position = [0.0, 0.0, 1.0]  # W [m]: from your odometry or motion capture, measured now
+    state.position = list(position)  # yours: from odometry or motion capture, measured now
     bus.publish("ROBOT_STATE", state)
     time.sleep(0.02)
