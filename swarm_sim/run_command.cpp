@@ -45,6 +45,9 @@ void declare(OptionSet& options, RunOptions& run) {
   options.add("daemons", &run.processes.start_daemons,
               "processes: start the daemons; false: they run already, as services or on other computers, with robots "
               "and limits as in the world");
+  options.add("mavlink", &run.processes.mavlink,
+              "processes: robots fly through mavlink_bridge and a simulated flight controller, on UDP port base-port + "
+              "66 + k");
   options.add(
       "netns", &run.processes.netns,
       "processes: robot k's daemons and buses are in the network namespace of this name and k (needs root); none: "
@@ -81,6 +84,8 @@ RunReport fly(const RunOptions& run, const FlightOptions& flight, const World& w
     return stopped == 0;
   };
   RunReport report;
+  if (run.processes.mavlink && run.mode != "processes")
+    throw OptionError("mavlink: in lock-step there is no mavlink_bridge; --mode processes");
   if (run.mode == "processes") {
     report = run_processes(world, static_map, flight, run.processes, logs, trace, progress);
   } else {

@@ -9,9 +9,10 @@ constexpr Duration kGoalPeriod = 1s;
 
 }  // namespace
 
-EnvironmentNode::EnvironmentNode(Simulation& simulation, std::size_t index, std::int32_t boot)
+EnvironmentNode::EnvironmentNode(Simulation& simulation, std::size_t index, std::int32_t boot, bool tells_state)
     : simulation_(simulation),
       index_(index),
+      tells_state_(tells_state),
       sensor_(simulation.world(), simulation.world().robots[index].id),
       sensor_period_(to_duration(1.0 / simulation.world().sensor.rate_hz)),
       last_tick_(simulation.now()),
@@ -45,7 +46,7 @@ Utime EnvironmentNode::step(Utime now, Outbox& outbox) {
     detection_.done(phase);
     outbox.publish(BusId::kOnboard, channel::kObstacles, obstacles(own_time, t_s));
   }
-  outbox.publish(BusId::kOnboard, channel::kRobotState, state(own_time));
+  if (tells_state_) outbox.publish(BusId::kOnboard, channel::kRobotState, state(own_time));
   if (t_s >= 0.0 && tick >= goal_.due(tick, kGoalPeriod)) {
     goal_.done(tick);
     outbox.publish(BusId::kOnboard, channel::kGoal, goal(own_time));

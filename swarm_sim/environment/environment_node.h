@@ -20,8 +20,8 @@ class EnvironmentNode : public Node {
 
   // Of robot `index` in the world's order. `simulation` is shared by all robots and must outlive the node. The node's
   // clock is the simulation's; what it sends carries the robot's. `boot` grows at every start, where others have heard
-  // an earlier one (see HeaderSource).
-  EnvironmentNode(Simulation& simulation, std::size_t index, std::int32_t boot = 0);
+  // an earlier one (see HeaderSource). `tells_state`: false where somebody else tells the robot where it is.
+  EnvironmentNode(Simulation& simulation, std::size_t index, std::int32_t boot = 0, bool tells_state = true);
 
   std::vector<Subscription> subscriptions() const override;
   void on_message(Utime now, BusId bus, std::string_view channel, std::span<const std::uint8_t> bytes,
@@ -37,6 +37,7 @@ class EnvironmentNode : public Node {
 
   Simulation& simulation_;
   std::size_t index_;
+  bool tells_state_;
   Sensor sensor_;
   Duration sensor_period_;
   Utime last_tick_;

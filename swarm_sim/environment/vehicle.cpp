@@ -7,7 +7,7 @@
 namespace swarm {
 namespace {
 
-constexpr Duration kSetpointTimeout = 50ms;
+constexpr Duration kSetpointTimeout = 50ms, kTargetTimeout = 500ms;
 constexpr double kFastError_s = 0.5, kSlowError_s = 20.0;  // so long its errors about itself stay much the same
 
 }  // namespace
@@ -50,13 +50,24 @@ void Vehicle::move_to(Utime utime) {
   const MotionState error = own_error();
   if (setpoint_) {
     reference_ = reference_at(utime);
-    state_ = model_->follow(reference_, error);
-    yaw_rad_ = setpoint_->yaw;
+    state_ = model_->follow(told_at(utime), error);
+    yaw_rad_ = target_ ? target_->yaw_rad : setpoint_->yaw;
   }
   estimate_ = state_;
   if (own_noise_m_ == 0.0) return;
   estimate_.position += error.position;
   estimate_.velocity += error.velocity;
+}
+
+void Vehicle::on_target(Utime utime, const MotionState& told, double yaw_rad) {
+  target_ = {utime, told, yaw_rad};
+}
+
+MotionState Vehicle::told_at(Utime utime) const {
+  if (!target_) return reference_;
+  MotionState told = target_->told;
+  if (utime - target_->heard > kTargetTimeout) told.velocity.setZero(), told.acceleration.setZero();
+  return told;
 }
 
 MotionState Vehicle::reference_at(Utime utime) const {

@@ -24,6 +24,9 @@ class Vehicle {
   // A setpoint message that comes at `utime` of the world; anything else, or another robot's, is ignored. A flight
   // controller flies by a clock of its own: what is not of about now is of the moment at which it comes.
   void on_setpoint(Utime utime, std::span<const std::uint8_t> bytes);
+  // What its flight controller is told, where that comes another way than on the bus (Autopilot): then setpoints are
+  // only where it should be. It holds the newest one, and without any for half a second that place.
+  void on_target(Utime utime, const MotionState& told, double yaw_rad);
   // The robot's own announcement: it follows what it is bound to while there are no setpoints.
   void on_own_trajectory(std::span<const std::uint8_t> bytes);
 
@@ -41,6 +44,8 @@ class Vehicle {
   Utime own_time(Utime utime) const { return utime + clock_offset_; }
 
  private:
+  // What its controller follows at `utime` of the world.
+  MotionState told_at(Utime utime) const;
   // Where it is told to be at `utime` of the world; there is a setpoint.
   MotionState reference_at(Utime utime) const;
   // How far it errs about where it is.
@@ -59,6 +64,12 @@ class Vehicle {
   SequenceGate setpoints_;
   std::optional<sogm_swarm::setpoint_t> setpoint_;
   std::optional<Motion> motion_;  // it is bound to
+  struct Target {
+    Utime heard;
+    MotionState told;
+    double yaw_rad;
+  };
+  std::optional<Target> target_;
 };
 
 }  // namespace swarm

@@ -14,7 +14,9 @@
 #include "lcmtypes/bus/node_clock.h"
 #include "lcmtypes/bus/realtime_host.h"
 #include "lcmtypes/bus/temporary_directory.h"
+#include "lcmtypes/bus/text.h"
 #include "swarm_sim/environment/environment_node.h"
+#include "swarm_sim/hosts/autopilot.h"
 #include "swarm_sim/hosts/relay.h"
 #include "swarm_sim/hosts/robot_watch.h"
 #include "swarm_sim/hosts/supervisor.h"
@@ -125,6 +127,24 @@ std::vector<DaemonProgram> daemons_of(const World& world, const WorldRobot& robo
   return daemons;
 }
 
+// With what the setpoints are to be given on their way; the rest as on a robot.
+void start_bridge(const World& world, const WorldRobot& robot, const RobotPlace& place, int port,
+                  const DaemonDirectories& directories, ChildProcesses& children) {
+  const std::filesystem::path log = directories.out / ("robot" + std::to_string(robot.id) + "-bridge.log");
+  std::filesystem::remove(log);
+  children.start("robot " + std::to_string(robot.id) + "'s mavlink_bridge", directories.programs / "mavlink_bridge",
+                 {"--robot-id", std::to_string(robot.id), "--onboard-url", place.onboard_url, "--link",
+                  "udp:" + std::to_string(port), "--lead", text_of(1e-3 * world.vehicle.lead_ms), "--lag",
+                  text_of(1e-3 * world.vehicle.lag_ms), "--drag", text_of(world.vehicle.drag_per_s)},
+                 log);
+}
+
+// Its vehicles are told what they are told by bridges.
+World bridged(World world) {
+  world.vehicle.lead_ms = world.vehicle.lag_ms = world.vehicle.drag_per_s = 0.0;
+  return world;
+}
+
 // Sees every 20 ms to it that the daemons live, but for those that shall crash, and starts the world when all robots
 // are ready.
 class Overseer {
@@ -215,11 +235,14 @@ RunReport run_processes(const World& world, const OccupiedCubes* static_map, con
     throw OptionError("kill: daemons that were not started here cannot be killed either");
   if (processes.start_daemons && !options.clock_steps.empty())
     throw OptionError("clock-step: of daemons that were started here, only in lock-step; no clock is set for them");
+  if (processes.mavlink && (!processes.start_daemons || !processes.netns.empty() || options.clock_offset_ms != 0.0))
+    throw OptionError("mavlink: with daemons that are started here, by one clock, in one network namespace");
   if (relayed && !processes.netns.empty())
     throw OptionError("netns: between namespaces the network is what it is; no --link-... with it");
 
   RealtimeHost host;
-  Simulation simulation(world, static_map, {options.time_limit_s, options.clock_offset_ms, options.clock_steps},
+  const World simulated = processes.mavlink ? bridged(world) : world;
+  Simulation simulation(simulated, static_map, {options.time_limit_s, options.clock_offset_ms, options.clock_steps},
                         wall_utime(), follow_flight(trace, progress, [&host] { host.stop(); }));
   Relay relay(options.link, seed_of(world.name), [&](Utime utime) { return simulation.t_s(utime); });
   BusRecorder recorder(logs, !options.clock_steps.empty());
@@ -227,6 +250,7 @@ RunReport run_processes(const World& world, const OccupiedCubes* static_map, con
   const std::vector<Duration> clocks = clock_offsets(options.clock_offset_ms, world);
   const std::int32_t boot = new_boot();
   std::deque<EnvironmentNode> environments;
+  std::deque<Autopilot> autopilots;
   std::deque<RobotWatch> watches;
   std::vector<DaemonProgram> daemons;
   ChildProcesses children;
@@ -237,9 +261,15 @@ RunReport run_processes(const World& world, const OccupiedCubes* static_map, con
     const InNamespace there(place.netns);
     host.add(name, watches.emplace_back(robot.id, place.share, recorder), place.onboard_url,
              place.share == SwarmShare::kNone ? "" : place.swarm_url, {}, keys);
-    host.add("environment of " + name, environments.emplace_back(simulation, i, boot), place.onboard_url, "");
+    host.add("environment of " + name, environments.emplace_back(simulation, i, boot, !processes.mavlink),
+             place.onboard_url, "");
     if (relayed) host.add("relay of " + name, relay.add_robot(robot.id), "", place.swarm_url, {}, keys);
     if (!processes.start_daemons) continue;
+    if (processes.mavlink) {
+      const int port = processes.base_port + 66 + robot.id;
+      start_bridge(world, robot, place, port, directories, children);
+      autopilots.emplace_back(host.io(), port, simulation, i);
+    }
     for (DaemonProgram& daemon : daemons_of(world, robot, options, place, clocks[i], directories)) {
       std::filesystem::remove(daemon.log);  // of an earlier flight
       daemon.start(children);

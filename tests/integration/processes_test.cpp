@@ -6,6 +6,7 @@
 #include "lcmtypes/bus/channels.h"
 #include "lcmtypes/bus/codec.h"
 #include "lcmtypes/bus/lcm_bus.h"
+#include "lcmtypes/bus/lcm_log.h"
 #include "planner_daemon/trajectory/trajectory.h"
 #include "swarm_sim/world/world_generator.h"
 #include "swarm_sim/world/world_json.h"
@@ -135,6 +136,26 @@ TEST_F(Processes, FlyToTheEnd) {
 }
 
 // Each daemon crashes once, one robot is out of reach for three seconds, and the radio is bad.
+// Setpoints go out as MAVLink, a quadrotor in the wind follows them, and where it is comes back the same way.
+TEST_F(Processes, FlyThroughMavlinkInTheWind) {
+  std::vector<std::string> words = command("run");
+  words.insert(words.end(), {"--mavlink", "true", "--vehicle", "quadrotor", "--wind-mps", "3"});
+  Program program(words);
+  wait_until_it_flies(program);
+  EXPECT_EQ(program.wait(90.0), 0) << program.err();
+  EXPECT_TRUE(no_daemon_within(0.0));
+  const auto report = nlohmann::json::parse(read_text(directory_ / "run/report.json"));
+  EXPECT_EQ(report["outcome"], "success");
+  for (const char* robot : {"robot0", "robot1"}) {
+    const std::string log = read_text(directory_ / "run" / (std::string(robot) + "-bridge.log"));
+    EXPECT_NE(log.find("following setpoints"), std::string::npos) << log;
+  }
+  LcmLog recorded(directory_ / "run" / "robot0.lcm");
+  int states = 0;
+  for (LogEvent event; recorded.next(&event);) states += event.channel == channel::kRobotState;
+  EXPECT_GT(states, 100);
+}
+
 TEST_F(Processes, FlyOverABadRadioThroughCrashes) {
   std::vector<std::string> words = command("run");
   words.insert(words.end(), {"--link-delay-ms", "100", "--link-jitter-ms", "50", "--link-loss", "0.2", "--link-outage",

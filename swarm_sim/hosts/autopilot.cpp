@@ -1,0 +1,92 @@
+#include "swarm_sim/hosts/autopilot.h"
+
+#include <boost/asio/buffer.hpp>
+#include <span>
+#include <variant>
+
+#include "lcmtypes/bus/node_clock.h"
+
+namespace swarm {
+namespace {
+
+using boost::asio::ip::udp;
+
+constexpr Duration kReportPeriod = 20ms;  // as controllers are set up to
+constexpr int kHeartbeatEvery = 50;       // reports
+
+std::array<float, 3> to_floats(const Eigen::Vector3d& v) {
+  return {static_cast<float>(v.x()), static_cast<float>(v.y()), static_cast<float>(v.z())};
+}
+
+Eigen::Vector3d to_vector(const std::array<float, 3>& values) {
+  return Eigen::Vector3f::Map(values.data()).cast<double>();
+}
+
+}  // namespace
+
+Autopilot::Autopilot(boost::asio::io_context& io, int port, Simulation& simulation, std::size_t index)
+    : simulation_(simulation),
+      index_(index),
+      frame_(0.0, Eigen::Vector3d::Zero()),
+      encoder_(kSelf),
+      parser_(kBridge),
+      socket_(io, udp::endpoint(boost::asio::ip::address_v4::loopback(), 0)),
+      bridge_(boost::asio::ip::address_v4::loopback(), static_cast<std::uint16_t>(port)),
+      timer_(io) {
+  socket_.non_blocking(true);
+  listen();
+  report_soon();
+}
+
+void Autopilot::listen() {
+  socket_.async_receive_from(
+      boost::asio::buffer(datagram_), from_, [this](const boost::system::error_code& error, std::size_t size) {
+        if (error == boost::asio::error::operation_aborted) return;
+        if (!error && from_ == bridge_) {  // refused: the bridge is not there yet
+          parser_.feed(std::span(datagram_).first(size), [this](const mavlink::Message& message) {
+            const auto* const target = std::get_if<mavlink::SetPositionTargetLocalNed>(&message);
+            if (target == nullptr) return;
+            MotionState told;
+            told.position = frame_.position_to_world(to_vector(target->position));
+            told.velocity = frame_.to_world(to_vector(target->velocity));
+            told.acceleration = frame_.to_world(to_vector(target->acceleration));
+            simulation_.vehicle(index_).on_target(wall_utime(), told, frame_.yaw(target->yaw));
+          });
+        }
+        listen();
+      });
+}
+
+void Autopilot::report_soon() {
+  timer_.expires_after(kReportPeriod);
+  timer_.async_wait([this](const boost::system::error_code& error) {
+    if (error) return;
+    report();
+    report_soon();
+  });
+}
+
+void Autopilot::report() {
+  const Vehicle& vehicle = simulation_.vehicle(index_);
+  const auto time_boot_ms = static_cast<std::uint32_t>(simulation_.now().time_since_epoch() / 1ms);
+  if (reports_++ % kHeartbeatEvery == 0) {
+    mavlink::Heartbeat heartbeat;
+    heartbeat.autopilot = mavlink::Heartbeat::kPx4;
+    heartbeat.base_mode = mavlink::Heartbeat::kArmed;
+    send(heartbeat);
+  }
+  mavlink::Attitude attitude;
+  attitude.time_boot_ms = time_boot_ms;
+  attitude.yaw = static_cast<float>(frame_.yaw(vehicle.yaw_rad()));
+  send(attitude);
+  send(mavlink::LocalPositionNed{time_boot_ms, to_floats(frame_.position_to_ned(vehicle.estimate().position)),
+                                 to_floats(frame_.to_ned(vehicle.estimate().velocity))});
+}
+
+void Autopilot::send(const mavlink::Message& message) {
+  boost::system::error_code ignored;  // the bridge is not there yet
+  const std::span<const std::uint8_t> frame = encoder_.encode(message);
+  socket_.send_to(boost::asio::buffer(frame.data(), frame.size()), bridge_, 0, ignored);
+}
+
+}  // namespace swarm

@@ -1,0 +1,43 @@
+// A simulated flight controller behind MAVLink: mavlink_bridge leads a robot's vehicle through it, and hears where it
+// is.
+#pragma once
+
+#include <array>
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/ip/udp.hpp>
+#include <boost/asio/steady_timer.hpp>
+#include <cstdint>
+
+#include "swarm_sim/environment/simulation.h"
+#include "tools/bridge/mavlink.h"
+#include "tools/bridge/ned_frame.h"
+
+namespace swarm {
+
+class Autopilot {
+ public:
+  static constexpr mavlink::Sender kSelf{1, 1}, kBridge{1, 191};  // the bridge's defaults
+
+  // Of the vehicle of robot `index`; the bridge listens on `port` of this computer. `simulation` and `io` must outlive
+  // it. Throws boost::system::system_error.
+  Autopilot(boost::asio::io_context& io, int port, Simulation& simulation, std::size_t index);
+
+ private:
+  void listen();
+  void report_soon();
+  void report();
+  void send(const mavlink::Message& message);
+
+  Simulation& simulation_;
+  std::size_t index_;
+  NedFrame frame_;
+  mavlink::Encoder encoder_;
+  mavlink::Parser parser_;
+  boost::asio::ip::udp::socket socket_;
+  boost::asio::ip::udp::endpoint bridge_, from_;
+  boost::asio::steady_timer timer_;
+  std::array<std::uint8_t, 2048> datagram_{};
+  std::int64_t reports_ = 0;
+};
+
+}  // namespace swarm
