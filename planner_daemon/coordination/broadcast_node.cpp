@@ -1,3 +1,5 @@
+// Long because a daemon's whole reaction to each message, and all that it says, is to be read in one place; what it
+// decides is in commit_protocol.h, identity.h, clock_offset.h and tracking_monitor.h.
 #include "planner_daemon/coordination/broadcast_node.h"
 
 #include <spdlog/spdlog.h>

@@ -14,14 +14,6 @@ using boost::asio::ip::udp;
 constexpr Duration kReportPeriod = 20ms;  // as controllers are set up to
 constexpr int kHeartbeatEvery = 50;       // reports
 
-std::array<float, 3> to_floats(const Eigen::Vector3d& v) {
-  return {static_cast<float>(v.x()), static_cast<float>(v.y()), static_cast<float>(v.z())};
-}
-
-Eigen::Vector3d to_vector(const std::array<float, 3>& values) {
-  return Eigen::Vector3f::Map(values.data()).cast<double>();
-}
-
 }  // namespace
 
 Autopilot::Autopilot(boost::asio::io_context& io, int port, Simulation& simulation, std::size_t index)

@@ -24,14 +24,6 @@ bool within(const Eigen::Vector3d& values, double bound) {
   return (values.array().abs() <= bound).all();
 }
 
-std::array<float, 3> to_floats(const Eigen::Vector3d& v) {
-  return {static_cast<float>(v.x()), static_cast<float>(v.y()), static_cast<float>(v.z())};
-}
-
-Eigen::Vector3d to_vector(const std::array<float, 3>& values) {
-  return Eigen::Vector3f::Map(values.data()).cast<double>();
-}
-
 std::uint8_t to_byte(int id) {
   return static_cast<std::uint8_t>(id);
 }

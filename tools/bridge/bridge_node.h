@@ -27,8 +27,8 @@ struct BridgeConfig {
   int system_id = 0, component_id = 191;             // this bridge; system 0: the controller's
   double north_rad = 0.0;                            // yaw of north in W
   Eigen::Vector3d origin = Eigen::Vector3d::Zero();  // of the controller's local frame in W [m]
-  VehicleFit fit;                                    // what targets are given, so that the vehicle follows the setpoints
-  double state_delay_s = 0.0;                        // a state is older than its arrival by this
+  VehicleFit fit;              // what targets are given, so that the vehicle follows the setpoints
+  double state_delay_s = 0.0;  // a state is older than its arrival by this
   bool publish_state = true;
   double timeout_s = 0.5;      // no setpoint and no announcement for so long: the broadcast daemon is gone
   double clock_limit_s = 0.1;  // the robot's own messages from further in the future are refused

@@ -3,10 +3,19 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <cmath>
 #include <numbers>
 
 namespace swarm {
+
+// Vectors as MAVLink carries them.
+inline std::array<float, 3> to_floats(const Eigen::Vector3d& v) {
+  return {static_cast<float>(v.x()), static_cast<float>(v.y()), static_cast<float>(v.z())};
+}
+inline Eigen::Vector3d to_vector(const std::array<float, 3>& values) {
+  return Eigen::Vector3f::Map(values.data()).cast<double>();
+}
 
 class NedFrame {
  public:

@@ -42,11 +42,7 @@ class Told {
     while (next_ + 1 < setpoints_.size() && setpoints_[next_ + 1].time_s <= time_s) ++next_;
     const RecordedFlight::Setpoint& newest = setpoints_[next_];
     const double age_s = std::max(0.0, time_s - newest.time_s);
-    MotionState state = newest.told;  // carried on at constant jerk
-    state.position += age_s * (state.velocity + age_s / 2 * (state.acceleration + age_s / 3 * state.jerk));
-    state.velocity += age_s * (state.acceleration + age_s / 2 * state.jerk);
-    state.acceleration += age_s * state.jerk;
-    return fitted(state, fit_);
+    return fitted(fitted(newest.told, {age_s, 0.0, 0.0}), fit_);  // carried on at constant jerk, then as it was told
   }
 
  private:
@@ -226,7 +222,6 @@ IdentifiedVehicle identify(std::span<const RecordedFlight> flights, const Vehicl
   IdentifiedVehicle found;
   double noise_m = kFirstNoise_m, noise_mps = kFirstNoise_mps;
   const Cost cost = [&](const Scaled& x) {
-    ++found.evaluations;
     const Residuals residuals = residuals_of(flights, unscaled(x), told_with);
     const double sum = mean_square(residuals.position) / (noise_m * noise_m) +
                        mean_square(residuals.velocity) / (noise_mps * noise_mps);

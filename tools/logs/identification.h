@@ -58,7 +58,6 @@ struct IdentifiedVehicle {
   VehicleParameters sigma;          // standard deviations
   double position_noise_m = 0.0;    // of an axis: what the model does not explain of where it was,
   double velocity_noise_mps = 0.0;  // and of how fast
-  int evaluations = 0;              // of the whole model
   // Errors of tracking, 3-D, 99th percentile: as measured; as the model says for what was told, and for `fit`.
   double measured_p99_m = 0.0, model_p99_m = 0.0, fitted_p99_m = 0.0;
   VehicleFit fit;  // what the vehicle is to be told
