@@ -62,7 +62,8 @@ std::string description(const World& world) {
   for (const WorldObstacle& obstacle : world.obstacles) {
     ++numbers[static_cast<std::size_t>(obstacle.shape.kind)];
     obstacles_m3 += volume_m3(obstacle.shape, world.space);
-    fastest_mps = std::max(fastest_mps, obstacle.velocity_mps.norm());
+    if (!obstacle.velocity_mps.isZero(0.0))
+      fastest_mps = std::max(fastest_mps, obstacle.velocity_mps.norm() + obstacle.sway_speed_mps());
     for (std::size_t i = 1; i < obstacle.track.size(); ++i) {
       const TrackPoint &from = obstacle.track[i - 1], &to = obstacle.track[i];
       fastest_mps = std::max(fastest_mps, (to.position - from.position).norm() / (to.t_s - from.t_s));

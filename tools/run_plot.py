@@ -22,6 +22,7 @@ from run_animation import animation  # noqa: E402
 COLORS = plt.get_cmap("tab10").colors
 SOLID = {"facecolor": "#c8c8c8", "edgecolor": "#707070", "linewidth": 0.7}
 FRAMES_PER_S = 25
+SWAY_PERIOD = 4.0  # of obstacles that accelerate [s]
 TAIL = 200  # of the trace's steps of 10 ms
 
 
@@ -79,7 +80,12 @@ class Run:
             low, width = np.array(bounds["min"]), np.subtract(bounds["max"], bounds["min"])
             phase = np.mod(start - low + np.outer(t, velocity), 2 * width)
             xy = np.where(velocity != 0, low + np.where(phase < width, phase, 2 * width - phase), start)
-            speed = np.where(phase < width, 1, -1) * velocity
+            # One that accelerates goes round a circle on top of that.
+            ahead, rate = velocity / (np.hypot(*velocity) or 1.0), (-1 if np.prod(velocity) < 0 else 1) * 2 * np.pi / SWAY_PERIOD
+            radius = obstacle.get("acceleration", 0.0) / rate**2
+            turned = np.outer(np.cos(rate * t), ahead) + np.outer(np.sin(rate * t), [-ahead[1], ahead[0]])
+            xy = xy + radius * (ahead - turned)
+            speed = np.where(phase < width, 1, -1) * velocity + radius * rate * np.column_stack([turned[:, 1], -turned[:, 0]])
         return np.column_stack([xy, np.full(len(t), height[0])]), speed
 
     def distance(self, obstacle, points):

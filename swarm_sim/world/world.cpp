@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "lcmtypes/bus/portable_math.h"
 #include "lcmtypes/bus/text.h"
 #include "swarm_sim/world/occupied_cubes.h"
 
@@ -22,6 +23,18 @@ Coordinate reflect(double start, double velocity, double low, double high, doubl
   if (way < 0.0) way += 2.0 * length;
   if (way < length) return {low + way, velocity};
   return {high - (way - length), -velocity};
+}
+
+// What the circle adds to the uniform motion along e at t = 0, with the rotation R and the quarter turn J:
+// position r (e - R(w t) e), velocity -r w J R(w t) e, and so the acceleration r w^2 R(w t) e.
+void add_sway(const WorldObstacle& obstacle, double t_s, ObstacleState* state) {
+  const Eigen::Vector2d& velocity = obstacle.velocity_mps;
+  const Eigen::Vector2d ahead = velocity.normalized();  // zero where it stands
+  const double sense = velocity.x() * velocity.y() < 0.0 ? -1.0 : 1.0;
+  const auto [sin, cos] = sin_cos(sense * kSwayRate_radps * std::fmod(t_s, kSwayPeriod_s));
+  const Eigen::Vector2d turned(cos * ahead.x() - sin * ahead.y(), sin * ahead.x() + cos * ahead.y());
+  state->position.head<2>() += obstacle.sway_radius_m() * (ahead - turned);
+  state->velocity.head<2>() += sense * obstacle.sway_speed_mps() * Eigen::Vector2d(turned.y(), -turned.x());
 }
 
 std::string robot_key(std::size_t i, const std::string& key) {
@@ -78,7 +91,8 @@ void check_motion(const World& world, std::size_t k) {
 
 bool WorldObstacle::operator==(const WorldObstacle& other) const {
   return shape.kind == other.shape.kind && shape.size == other.shape.size && shape.yaw_rad == other.shape.yaw_rad &&
-         center == other.center && velocity_mps == other.velocity_mps && track == other.track && bounds == other.bounds;
+         center == other.center && velocity_mps == other.velocity_mps && acceleration_mps2 == other.acceleration_mps2 &&
+         track == other.track && bounds == other.bounds;
 }
 
 std::optional<ObstacleState> state_at(const WorldObstacle& obstacle, const World& world, double t_s) {
@@ -93,6 +107,7 @@ std::optional<ObstacleState> state_at(const WorldObstacle& obstacle, const World
       state.position[axis] = c.position;
       state.velocity[axis] = c.velocity;
     }
+    if (obstacle.acceleration_mps2 > 0.0) add_sway(obstacle, t_s, &state);
     return state;
   }
   const auto& track = obstacle.track;

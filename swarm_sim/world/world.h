@@ -6,6 +6,7 @@
 
 #include <Eigen/Core>
 #include <filesystem>
+#include <numbers>
 #include <optional>
 #include <stdexcept>
 #include <string>
@@ -68,16 +69,28 @@ struct TrackPoint {
   bool operator==(const TrackPoint&) const = default;
 };
 
+// An obstacle that accelerates goes round a circle in this time.
+inline constexpr double kSwayPeriod_s = 4.0;
+inline constexpr double kSwayRate_radps = 2.0 * std::numbers::pi / kSwayPeriod_s;
+inline constexpr double kMaxObstacleAcceleration_mps2 = 100.0;
+
 // Without a track the centre moves uniformly from `center` and each horizontal coordinate reflects at its bounds, or at
-// the world's obstacle_bounds where it has none.
+// the world's obstacle_bounds where it has none. With an acceleration it goes round a circle on top of that, to the
+// right where the coordinates of its velocity have opposite signs, else to the left, and so may leave its bounds by the
+// circle's diameter. What stands does not sway.
 // With a track (two points or more, times increasing) it moves linearly from point to point, at the height of `center`,
 // and exists only between the first and the last.
 struct WorldObstacle {
   Shape shape;                                             // never kVoxels
   Eigen::Vector3d center = Eigen::Vector3d::Zero();        // at t = 0, or at the first track point, W [m]
-  Eigen::Vector2d velocity_mps = Eigen::Vector2d::Zero();  // at t = 0; zero with a track
+  Eigen::Vector2d velocity_mps = Eigen::Vector2d::Zero();  // of the uniform motion at t = 0; zero with a track
+  double acceleration_mps2 = 0.0;                          // its magnitude at any time; 0 with a track
   std::vector<TrackPoint> track;
   std::optional<Rectangle> bounds;
+
+  // Of the circle, and the speed on it.
+  double sway_radius_m() const { return acceleration_mps2 / (kSwayRate_radps * kSwayRate_radps); }
+  double sway_speed_mps() const { return acceleration_mps2 / kSwayRate_radps; }
   bool operator==(const WorldObstacle& other) const;
 };
 

@@ -164,7 +164,11 @@ void put_into_hall(WorldObstacle* obstacle, Draw* random) {
                       : room(std::min(kRooms - 1, static_cast<int>((where - kMiddle) / (1 - kMiddle) * kRooms)));
   const Shape& shape = obstacle->shape;
   const bool ring = shape.kind == Shape::Kind::kRing;
-  obstacle->bounds = within_walls(place, ring ? shape.size.x() + shape.size.y() / 2 : shape.size.x() / 2);
+  const double reach_m = ring ? shape.size.x() + shape.size.y() / 2 : shape.size.x() / 2;
+  obstacle->bounds = within_walls(place, reach_m + 2 * obstacle->sway_radius_m());
+  if ((obstacle->bounds->min.array() >= obstacle->bounds->max.array()).any())
+    throw WorldError("obstacle-acceleration: " + text_of(obstacle->acceleration_mps2) +
+                     " must leave obstacles room between the walls of the hall");
 }
 
 void add_robots(World* world, Task task, const Fleet& fleet, Draw* random) {
@@ -197,9 +201,10 @@ void add_robots(World* world, Task task, const Fleet& fleet, Draw* random) {
   }
 }
 
-WorldObstacle draw_obstacle(bool ring, const World& world, Draw* random) {
+WorldObstacle draw_obstacle(bool ring, const World& world, double acceleration_mps2, Draw* random) {
   const bool in_hall = !world.walls.empty();
   WorldObstacle obstacle;
+  obstacle.acceleration_mps2 = acceleration_mps2;
   if (ring) {
     obstacle.shape.kind = Shape::Kind::kRing;
     obstacle.shape.size = {random->uniform(0.7, in_hall ? 1.2 : 2.5), 0.1, 0.0};
@@ -258,6 +263,8 @@ void declare(OptionSet& options, Fleet& fleet) {
   options.add("speed", &fleet.speed_mps, 0.01, 100, "m/s", "limit of every robot, per axis");
   options.add("acceleration", &fleet.acceleration_mps2, 0.01, 1000, "m/s^2", "limit of every robot, per axis");
   options.add("space", &fleet.space_m, 1, 1000, "m", "edges of the space of the task random");
+  options.add("obstacle-acceleration", &fleet.obstacle_acceleration_mps2, 0, kMaxObstacleAcceleration_mps2, "m/s^2",
+              "of every obstacle, at any time: it goes round a circle in 4 s on top of its uniform motion");
 }
 
 std::string command_line(const Fleet& fleet) {
@@ -267,7 +274,8 @@ std::string command_line(const Fleet& fleet) {
                        {"robot-radius", text_of(f.robot_m)},
                        {"speed", text_of(f.speed_mps)},
                        {"acceleration", text_of(f.acceleration_mps2)},
-                       {"space", text_of(f.space_m.x()) + "," + text_of(f.space_m.y()) + "," + text_of(f.space_m.z())}};
+                       {"space", text_of(f.space_m.x()) + "," + text_of(f.space_m.y()) + "," + text_of(f.space_m.z())},
+                       {"obstacle-acceleration", text_of(f.obstacle_acceleration_mps2)}};
   };
   return given_options(values(fleet), values({}));
 }
@@ -293,12 +301,13 @@ World make_world(Task task, Environment environment, int obstacles, std::uint64_
   add_robots(&world, task, fleet, &random);
   const int columns = environment == Environment::kMixed ? (obstacles + 1) / 2 : obstacles;
   for (int i = 0; i < obstacles; ++i) {
-    WorldObstacle obstacle = draw_obstacle(i >= columns, world, &random);
+    const auto draw = [&] { return draw_obstacle(i >= columns, world, fleet.obstacle_acceleration_mps2, &random); };
+    WorldObstacle obstacle = draw();
     for (int tries = 1; !clear_of_starts(obstacle, world); ++tries) {
       if (tries == kMaxTries)
         throw WorldError("obstacles: " + std::to_string(obstacles) +
                          " must find places 0.7 m clear of every start; there is no room");
-      obstacle = draw_obstacle(i >= columns, world, &random);
+      obstacle = draw();
     }
     world.obstacles.push_back(std::move(obstacle));
   }

@@ -18,8 +18,9 @@ const char* to_string(Environment environment);
 Task task_from(const std::string& text);
 Environment environment_from(const std::string& text);
 
-// Who flies. The tasks of the paper have four robots at places of their own; on the circle each goes to its antipode,
-// in the random task from anywhere in the space to anywhere else, in the hall from a room to another one.
+// Who flies, and how what moves there accelerates. The tasks of the paper have four robots at places of their own; on
+// the circle each goes to its antipode, in the random task from anywhere in the space to anywhere else, in the hall
+// from a room to another one.
 struct Fleet {
   int robots = 0;          // circle, random and hall only: [2, 60]; 0: 10, in the hall 8
   double circle_m = 0.0;   // radius of the circle: [0.5, 1000]; 0: 10
@@ -27,6 +28,7 @@ struct Fleet {
   double speed_mps = 2.0;  // limits per axis
   double acceleration_mps2 = 6.0;
   Eigen::Vector3d space_m = {12.0, 12.0, 4.0};  // edges of the random task's space
+  double obstacle_acceleration_mps2 = 0.0;      // of every obstacle: [0, kMaxObstacleAcceleration_mps2]
 };
 
 void declare(OptionSet& options, Fleet& fleet);
@@ -34,11 +36,12 @@ void declare(OptionSet& options, Fleet& fleet);
 std::string command_line(const Fleet& fleet);
 
 // The hall is 24 x 8 x 3 m, with three rooms of 8 x 5 m along each side, whose doors of 1.2 to 1.6 m have places of
-// their own in each world; obstacles move inside the hall or inside a room. Elsewhere there are no walls. Obstacles
-// start anywhere in obstacle_bounds but not within 0.7 m of a robot's start (surface to surface); space and bounds grow
-// with the circle. The same arguments give the same world on every machine: values are drawn in multiples of 1 um,
-// um/s, urad. `obstacles` in [0, 500], 0 in the empty environment. Throws WorldError, also when no place is found for
-// an obstacle or a robot.
+// their own in each world; obstacles move inside the hall or inside a room, off the walls however they sway. Elsewhere
+// there are no walls. Obstacles start anywhere in obstacle_bounds but not within 0.7 m of a robot's start (surface to
+// surface); space and bounds grow with the circle. The same arguments give the same world on every machine: values are
+// drawn in multiples of 1 um, um/s, urad; the acceleration of obstacles changes nothing else outside the hall.
+// `obstacles` in [0, 500], 0 in the empty environment. Throws WorldError, also when no place is found for an obstacle
+// or a robot.
 World make_world(Task task, Environment environment, int obstacles, std::uint64_t seed, const Fleet& fleet = {});
 
 }  // namespace swarm

@@ -71,20 +71,20 @@ Shape read_shape(const JsonValue& value) {
   const auto length = [&](const char* key) { return value.at(key).number(0.0, kLarge_m, kPositive); };
   Shape shape;
   if (name == "column") {
-    value.expect_keys({"shape", "center", "diameter", "height", "velocity", "track", "bounds"});
+    value.expect_keys({"shape", "center", "diameter", "height", "velocity", "acceleration", "track", "bounds"});
     shape.kind = Shape::Kind::kColumn;
     shape.size = {length("diameter"), length("height"), 0.0};
   } else if (name == "ring") {
-    value.expect_keys({"shape", "center", "radius", "width", "yaw", "velocity", "track", "bounds"});
+    value.expect_keys({"shape", "center", "radius", "width", "yaw", "velocity", "acceleration", "track", "bounds"});
     shape.kind = Shape::Kind::kRing;
     shape.size = {length("radius"), length("width"), 0.0};
     if (shape.size.y() > 2.0 * shape.size.x()) value.at("width").fail("at most twice the ring's radius");
   } else if (name == "box") {
-    value.expect_keys({"shape", "center", "size", "yaw", "velocity", "track", "bounds"});
+    value.expect_keys({"shape", "center", "size", "yaw", "velocity", "acceleration", "track", "bounds"});
     shape.kind = Shape::Kind::kBox;
     shape.size = value.at("size").numbers(3, 0.0, kLarge_m, kPositive);
   } else if (name == "sphere") {
-    value.expect_keys({"shape", "center", "diameter", "velocity", "track", "bounds"});
+    value.expect_keys({"shape", "center", "diameter", "velocity", "acceleration", "track", "bounds"});
     shape.kind = Shape::Kind::kSphere;
     shape.size = {length("diameter"), 0.0, 0.0};
   } else {
@@ -126,6 +126,10 @@ WorldObstacle read_obstacle(const JsonValue& value) {
   if (const auto velocity = value.find("velocity")) {
     if (track) velocity->fail("absent: the track tells the motion");
     obstacle.velocity_mps = velocity->numbers(2, -kFast_mps, kFast_mps);
+  }
+  if (const auto acceleration = value.find("acceleration")) {
+    if (track) acceleration->fail("absent: the track tells the motion");
+    obstacle.acceleration_mps2 = acceleration->number(0.0, kMaxObstacleAcceleration_mps2);
   }
   if (const auto bounds = value.find("bounds")) {
     if (track) bounds->fail("absent: the track tells the motion");
@@ -242,6 +246,7 @@ ordered_json to_json(const WorldObstacle& obstacle) {
   }
   if (obstacle.track.empty()) {
     json["velocity"] = array(obstacle.velocity_mps);
+    if (obstacle.acceleration_mps2 != 0.0) json["acceleration"] = obstacle.acceleration_mps2;
     if (obstacle.bounds) json["bounds"] = {{"min", array(obstacle.bounds->min)}, {"max", array(obstacle.bounds->max)}};
   } else {
     for (const TrackPoint& point : obstacle.track)

@@ -13,12 +13,13 @@
 //     {"shape": "column", "center": [1,2], "diameter": 0.8, "height": 4, "velocity": [0.3,-0.2]},
 //     {"shape": "ring", "center": [0,3,1.2], "radius": 1.5, "width": 0.1, "yaw": 0.4, "velocity": [0.1,0.6]},
 //     {"shape": "box", "center": [0,3,1], "size": [1,0.5,2], "yaw": 0.4},
-//     {"shape": "sphere", "center": [0,3,1], "diameter": 0.4},
+//     {"shape": "sphere", "center": [0,3,1], "diameter": 0.4, "velocity": [0,0.4], "acceleration": 1},
 //     {"shape": "column", "diameter": 0.5, "height": 1.8, "track": [[0,1,2],[0.4,1.3,2]]}]}
 //
-// Metres, seconds, radians. `velocity` and `yaw` are optional (0); a column stands on the ground unless its centre has
-// a z. A track's points are (t, x, y) and exclude `velocity`; its `center`, optional for columns, gives the height and
-// must agree with the first point. A ring is a torus: `radius` is its major radius, `width` the diameter of its tube.
+// Metres, seconds, radians. `velocity`, `acceleration` (a number: world.h) and `yaw` are optional (0); a column stands
+// on the ground unless its centre has a z. A track's points are (t, x, y) and exclude `velocity` and `acceleration`;
+// its `center`, optional for columns, gives the height and must agree with the first point. A ring is a torus: `radius`
+// is its major radius, `width` the diameter of its tube.
 #pragma once
 
 #include <filesystem>

@@ -136,7 +136,7 @@ void write_texts(const Corpora& corpora) {
 "obstacle_bounds": {"min": [-7,-7], "max": [7,7]}, "limits": {"speed": 2.0, "acceleration": 6.0}, "sensing_radius": 5,
 "robots": [{"id": 0, "start": [-8,0,1], "goal": [8,0,1], "radius": 0.2}],
 "obstacles": [{"shape": "column", "center": [1,2], "diameter": 0.8, "height": 4, "velocity": [0.3,-0.2]},
-{"shape": "ring", "center": [0,3,1.2], "radius": 1.0, "width": 0.1, "yaw": 0.4, "velocity": [0.1,0.6]},
+{"shape": "ring", "center": [0,3,1.2], "radius": 1.0, "width": 0.1, "yaw": 0.4, "velocity": [0.1,0.6], "acceleration": 1},
 {"shape": "box", "center": [0,-3,1], "size": [1,0.5,2], "yaw": 0.4},
 {"shape": "sphere", "center": [3,-3,1], "diameter": 0.4},
 {"shape": "column", "diameter": 0.5, "height": 1.8, "track": [[0,1,2],[0.4,1.3,2]]}]})"));

@@ -238,6 +238,25 @@ TEST_F(Campaign, OtherOptionsDoNotMixWithResultsAlreadyThere) {
   EXPECT_NE(mixed.err.find("was flown with other options"), std::string::npos) << mixed.err;
 }
 
+TEST_F(Campaign, ObstaclesMayAccelerate) {
+  const Cells command = {"swarm_sim", "campaign", "--tasks", "circle", "--envs",   "pure", "--obstacles",  "1",
+                         "--trials",  "1",        "--out",   out_,     "--robots", "2",    "--time-limit", "0.5"};
+  Cells accelerating = command;
+  accelerating.insert(accelerating.end(), {"--obstacle-acceleration", "1"});
+  const Finished flown = run_program(accelerating, 60);
+  ASSERT_EQ(flown.exit_code, 0) << flown.err;
+  const Trial trial = seeded_trial("circle", "pure", 1, 1, {.robots = 2, .obstacle_acceleration_mps2 = 1.0});
+  EXPECT_EQ(trial.world().obstacles.at(0).acceleration_mps2, 1.0);
+  const auto rows = read_results(out_);
+  ASSERT_EQ(rows.size(), 1u);
+  EXPECT_EQ(cell(rows[0], "command"), trial.command({.time_limit_s = 0.5}));
+  EXPECT_NE(cell(rows[0], "command").find(" --obstacle-acceleration 1 -o trial.json && "), std::string::npos)
+      << cell(rows[0], "command");
+  const Finished mixed = run_program(command, 60);
+  EXPECT_EQ(mixed.exit_code, 2);
+  EXPECT_NE(mixed.err.find("was flown with other options"), std::string::npos) << mixed.err;
+}
+
 // The planner's success among many obstacles: a regression shows here before a long campaign does.
 TEST(CampaignSuccess, ASmallFixedCampaignSucceeds) {
   TemporaryDirectory directory;

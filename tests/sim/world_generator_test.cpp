@@ -107,8 +107,9 @@ struct Uniformity {
 TEST(Generator, HallHasRoomsWithDoors) {
   for (int seed = 1; seed <= 20; ++seed) {
     SCOPED_TRACE(seed);
-    const World world = make_world(Task::kHall, Environment::kMixed, 30, static_cast<std::uint64_t>(seed));
-    EXPECT_EQ(world, make_world(Task::kHall, Environment::kMixed, 30, static_cast<std::uint64_t>(seed)));
+    const Fleet fleet{.obstacle_acceleration_mps2 = seed % 2 == 0 ? 1.0 : 0.0};
+    const World world = make_world(Task::kHall, Environment::kMixed, 30, static_cast<std::uint64_t>(seed), fleet);
+    EXPECT_EQ(world, make_world(Task::kHall, Environment::kMixed, 30, static_cast<std::uint64_t>(seed), fleet));
     ASSERT_EQ(world.robots.size(), 8u);
     const TemporaryDirectory directory;
     const OccupiedCubes walls = OccupiedCubes::load(with_walls_in_file(world, directory.path()).static_map);
@@ -194,7 +195,18 @@ TEST(Generator, SameSeedSameWorldOtherSeedOtherWorld) {
     EXPECT_EQ(o.shape.kind, Shape::Kind::kColumn);
 }
 
+TEST(Generator, ObstaclesThatAccelerateAreElseTheSame) {
+  const World uniform = make_world(Task::kCross, Environment::kMixed, 20, 7);
+  World world = make_world(Task::kCross, Environment::kMixed, 20, 7, {.obstacle_acceleration_mps2 = 1.5});
+  for (WorldObstacle& obstacle : world.obstacles) {
+    EXPECT_EQ(obstacle.acceleration_mps2, 1.5);
+    obstacle.acceleration_mps2 = 0.0;
+  }
+  EXPECT_EQ(world, uniform);
+}
+
 TEST(Generator, RefusesWhatCannotBe) {
+  EXPECT_THROW(make_world(Task::kHall, Environment::kPure, 30, 0, {.obstacle_acceleration_mps2 = 5.0}), WorldError);
   EXPECT_THROW(make_world(Task::kCross, Environment::kEmpty, 1, 0), WorldError);
   EXPECT_THROW(make_world(Task::kCross, Environment::kPure, 501, 0), WorldError);
   EXPECT_THROW(make_world(Task::kCross, Environment::kPure, -1, 0), WorldError);
@@ -226,6 +238,9 @@ TEST_F(WorldCommand, WritesTheWorldAndNothingElse) {
   EXPECT_EQ(out_, read_text(directory_ / "w.json"));
   EXPECT_EQ(run({"--task", "circle", "--env", "empty", "--robots", "6", "--radius", "5", "-o", "-"}), 0) << err_;
   EXPECT_EQ(parse_world(out_, "-", "").robots.size(), 6u);
+  EXPECT_EQ(run({"--obstacle-acceleration", "1", "--seed", "7", "-o", "-"}), 0) << err_;
+  EXPECT_EQ(parse_world(out_, "-", ""),
+            make_world(Task::kCross, Environment::kMixed, 20, 7, {.obstacle_acceleration_mps2 = 1.0}));
 }
 
 TEST_F(WorldCommand, DescribesSeededWorldsAndFiles) {
@@ -242,7 +257,9 @@ TEST_F(WorldCommand, DescribesSeededWorldsAndFiles) {
     obstacle.shape.size = size;
     world.obstacles.push_back(obstacle);
   }
+  world.obstacles[0].acceleration_mps2 = 9;  // but stands
   world.obstacles[1].velocity_mps = {3, 4};
+  world.obstacles[1].acceleration_mps2 = std::numbers::pi;
   world.walls.push_back({{-9, -8, 0}, {-7, 8, 4}});
   const std::string file = (directory_ / "w.json").string();
   write_text(file, to_json_text(world, directory_.path()));
@@ -251,7 +268,7 @@ TEST_F(WorldCommand, DescribesSeededWorldsAndFiles) {
       8 + std::numbers::pi * 2 + std::numbers::pi / 6 * 27 + 2 * std::numbers::pi * std::numbers::pi * 1.5 * 0.2 * 0.2;
   for (const std::string& part :
        {swarm::fixed(100 * filled_m3 / 1024, 2) + " % of the space",
-        std::string("1 columns, 1 rings, 1 boxes, 1 spheres, up to 5.00 m/s"), std::string("1, 6.25 %")}) {
+        std::string("1 columns, 1 rings, 1 boxes, 1 spheres, up to 7.00 m/s"), std::string("1, 6.25 %")}) {
     EXPECT_NE(out_.find(part), std::string::npos) << part << " in\n" << out_;
   }
   EXPECT_EQ(run({"--world", file, "-o", "-"}), 2);
@@ -266,6 +283,7 @@ TEST_F(WorldCommand, RefusesBadOptionsWithOneLineAndCode2) {
       {{"--obstacles", "501", "-o", file}, "501"},
       {{"--obstacles", "x", "-o", file}, "obstacles"},
       {{"--robots", "4", "-o", file}, "robots"},
+      {{"--obstacle-acceleration", "-1", "-o", file}, "obstacle-acceleration"},
       {{"--radius", "4", "-o", file}, "radius"},
       {{"--wind", "4", "-o", file}, "wind"},
       {{}, "out"},

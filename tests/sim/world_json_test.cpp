@@ -176,11 +176,19 @@ TEST(WorldJson, RefusesBadInputWithOneClearLine) {
       {"\"diameter\": 0.8", "\"diameter\": -0.8", "obstacles[0].diameter: -0.8 must be a number in (0, 1000]"},
       {"\"diameter\": 0.8, ", "", "obstacles[0].diameter: is missing and must be given"},
       {"\"diameter\": 0.8", "\"width\": 0.8",
-       "obstacles[0]: \"width\" is an unknown key; known are shape, center, diameter, height, velocity, track, bounds"},
+       "obstacles[0]: \"width\" is an unknown key; known are shape, center, diameter, height, velocity, "
+       "acceleration, track, bounds"},
       {"\"width\": 0.1", "\"width\": 3.1", "obstacles[1].width: 3.1 must be at most twice the ring's radius"},
       {"\"center\": [0,3,1.2]", "\"center\": [0,3]", "obstacles[1].center: [0,3] must be an array of 3 numbers"},
       {"\"center\": [1,2], ", "", "obstacles[0].center: is missing and must be given"},
       {"[0.3,-0.2]", "[300,-0.2]", "obstacles[0].velocity[0]: 300 must be a number in [-100, 100]"},
+      {"[0.3,-0.2]", "[0.3,-0.2], \"acceleration\": -1", "obstacles[0].acceleration: -1 must be a number in [0, 100]"},
+      {"[0.3,-0.2]", "[0.3,-0.2], \"acceleration\": 101",
+       "obstacles[0].acceleration: 101 must be a number in [0, 100]"},
+      {"[0.3,-0.2]", "[0.3,-0.2], \"acceleration\": [1,0]",
+       "obstacles[0].acceleration: [1,0] must be a number in [0, 100]"},
+      {"\"track\"", "\"acceleration\": 0, \"track\"",
+       "obstacles[2].acceleration: 0 must be absent: the track tells the motion"},
       {"[0.4,1.3,2.0]", "[0.0,1.3,2.0]", "obstacles[2].track[1]: 0 must be later than the point before"},
       {",[0.4,1.3,2.0]", "", "obstacles[2].track: [[0.0,1.0,2.0]] must be an array of at least two points (t, x, y)"},
       {"[0.4,1.3,2.0]", "[0.4,1.3]", "obstacles[2].track[1]: [0.4,1.3] must be an array of 3 numbers"},
@@ -278,6 +286,7 @@ TEST(WorldFiles, WritingReadsBackAsTheSameWorld) {
       if (obstacle.shape.kind == Shape::Kind::kRing || obstacle.shape.kind == Shape::Kind::kBox)
         obstacle.shape.yaw_rad = 3 * unit(random);
       if (obstacle.track.empty()) obstacle.velocity_mps = {unit(random), unit(random)};
+      if (obstacle.track.empty() && unit(random) < 0) obstacle.acceleration_mps2 = 1 + unit(random);
       if (obstacle.track.empty() && unit(random) < 0) obstacle.bounds = {{-8 + unit(random), -8}, {8, 8}};
     }
     if (unit(random) < 0) {
@@ -291,6 +300,17 @@ TEST(WorldFiles, WritingReadsBackAsTheSameWorld) {
   World a = parse_world(kGood, "w.json", ""), b = a;
   b.obstacles[1].shape.yaw_rad = std::nextafter(b.obstacles[1].shape.yaw_rad, 1.0);
   EXPECT_FALSE(a == b) << "the comparison itself must see a last bit";
+}
+
+TEST(WorldFiles, AnAccelerationIsWrittenOnlyWhereThereIsOne) {
+  const World world = parse_world(kGood, "w.json", "");
+  World accelerating = parse_world(replaced("[0.3,-0.2]", "[0.3,-0.2], \"acceleration\": 0.5"), "w.json", "");
+  EXPECT_EQ(accelerating.obstacles[0].acceleration_mps2, 0.5);
+  EXPECT_FALSE(accelerating == world);
+  std::string text = to_json_text(accelerating, "");
+  const std::string written = ",\"acceleration\":0.5";
+  ASSERT_NE(text.find(written), std::string::npos) << text;
+  EXPECT_EQ(text.erase(text.find(written), written.size()), to_json_text(world, ""));
 }
 
 TEST(WorldFiles, AnObstacleTurnsAtBoundsOfItsOwn) {

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -66,6 +67,68 @@ TEST(Motion, ReflectsForwardsBackwardsAndFarAway) {
   obstacle.velocity_mps = {0, 0};
   obstacle.center = {20, 0, 1};  // stands outside the bounds: stays there
   EXPECT_EQ(state_at(obstacle, world, 5.0)->position, obstacle.center);
+}
+
+// By finite differences; what is left without the uniform motion is a circle through the start.
+TEST(Motion, AccelerationHasItsMagnitudeAtAnyTime) {
+  std::mt19937 random(2);
+  std::uniform_real_distribution<double> unit(-1.0, 1.0);
+  World world;
+  world.obstacle_bounds = {{-1000, -1000}, {1000, 1000}};
+  for (int trial = 0; trial < 100; ++trial) {
+    WorldObstacle uniform;
+    uniform.center = {unit(random), unit(random), 2.0};
+    uniform.velocity_mps = {unit(random), unit(random)};
+    WorldObstacle obstacle = uniform;
+    obstacle.acceleration_mps2 = 1.0 + unit(random);
+    const double a = obstacle.acceleration_mps2, vx = obstacle.velocity_mps.x(), vy = obstacle.velocity_mps.y();
+    SCOPED_TRACE(testing::Message() << "trial " << trial << " velocity " << vx << ' ' << vy << " acceleration " << a);
+    EXPECT_EQ(state_at(obstacle, world, 0.0)->position, state_at(uniform, world, 0.0)->position);
+    const auto acceleration_at = [&](double t_s) {
+      constexpr double kStep_s = 1e-4;
+      const ObstacleState before = *state_at(obstacle, world, t_s - kStep_s), now = *state_at(obstacle, world, t_s),
+                          after = *state_at(obstacle, world, t_s + kStep_s);
+      EXPECT_LT(((after.position - before.position) / (2 * kStep_s) - now.velocity).norm(), 1e-7) << t_s;
+      return Eigen::Vector3d((after.velocity - before.velocity) / (2 * kStep_s));
+    };
+    double farthest_m = 0.0;
+    for (double t_s = -20.0; t_s < 20.0; t_s += 0.37) {
+      const Eigen::Vector3d now = acceleration_at(t_s), later = acceleration_at(t_s + 0.5);
+      EXPECT_NEAR(now.norm(), a, 1e-6) << t_s;
+      EXPECT_EQ(now.cross(later).z() > 0, vx * vy > 0) << t_s << ": not all turn alike";
+      const Eigen::Vector3d off = state_at(obstacle, world, t_s)->position - state_at(uniform, world, t_s)->position;
+      EXPECT_EQ(off.z(), 0.0);
+      farthest_m = std::max(farthest_m, off.norm());
+      const Eigen::Vector3d round = state_at(obstacle, world, t_s + kSwayPeriod_s)->position;
+      EXPECT_LT((round - state_at(uniform, world, t_s + kSwayPeriod_s)->position - off).norm(), 1e-9) << t_s;
+    }
+    EXPECT_NEAR(farthest_m, 2 * obstacle.sway_radius_m(), 0.05 * farthest_m);
+    EXPECT_LE(farthest_m, 2 * obstacle.sway_radius_m() + 1e-9);
+    const Eigen::Vector3d heading = acceleration_at(0.0).normalized();
+    EXPECT_NEAR(heading.head<2>().dot(obstacle.velocity_mps.normalized()), 1.0, 1e-6) << "along its velocity at first";
+  }
+}
+
+TEST(Motion, AccelerationChangesNoReflection) {
+  World narrow, wide;
+  narrow.obstacle_bounds = {{-1, -1}, {1, 1}};
+  wide.obstacle_bounds = {{-1000, -1000}, {1000, 1000}};
+  WorldObstacle uniform;
+  uniform.velocity_mps = {0.7, 0.0};
+  WorldObstacle obstacle = uniform;
+  obstacle.acceleration_mps2 = 1.0;
+  for (const double t_s : {-9.3, 0.0, 1.7, 25.0, 4e6 + 0.7}) {
+    const auto off = [&](const World& world) {
+      const ObstacleState state = *state_at(obstacle, world, t_s), base = *state_at(uniform, world, t_s);
+      return std::pair<Eigen::Vector3d, Eigen::Vector3d>(state.position - base.position,
+                                                         state.velocity - base.velocity);
+    };
+    EXPECT_LT((off(narrow).first - off(wide).first).norm(), 1e-9) << t_s;
+    EXPECT_LT((off(narrow).second - off(wide).second).norm(), 1e-9) << t_s;
+  }
+  obstacle.velocity_mps.setZero();
+  EXPECT_EQ(state_at(obstacle, narrow, 1.0)->position, obstacle.center) << "what stands does not sway";
+  EXPECT_EQ(state_at(obstacle, narrow, 1.0)->velocity, Eigen::Vector3d(0, 0, 0));
 }
 
 TEST(Motion, TrackIsLinearBetweenItsPointsAndExistsOnlyThere) {

@@ -20,16 +20,16 @@ bool has_matplotlib() {
          0;
 }
 
-// Every shape, one that turns and one on a track that ends.
+// Every shape, one that turns, two that accelerate and one on a track that ends.
 constexpr const char* kWorld = R"({"name": "shapes",
  "space": {"min": [-8,-8,0], "max": [8,8,4]}, "obstacle_bounds": {"min": [-4,-4], "max": [4,4]},
  "limits": {"speed": 2.0, "acceleration": 6.0},
  "robots": [{"id": 3, "start": [-5,0,1], "goal": [5,0.2,1], "radius": 0.2},
   {"id": 7, "start": [5,0,1], "goal": [-5,0,1.5], "radius": 0.3}],
- "obstacles": [{"shape": "column", "center": [0,3.5], "diameter": 0.8, "height": 4.0, "velocity": [-0.3,0.6]},
+ "obstacles": [{"shape": "column", "center": [0,3.5], "diameter": 0.8, "height": 4.0, "velocity": [-0.3,0.6], "acceleration": 1},
   {"shape": "ring", "center": [2,0,1.2], "radius": 1.5, "width": 0.1, "yaw": 0.4, "velocity": [0.1,0.2]},
   {"shape": "box", "center": [-2,-1,1], "size": [1.5,0.4,2], "yaw": 0.7},
-  {"shape": "sphere", "center": [-3,1.2,1], "diameter": 0.9, "velocity": [0.2,-0.1]},
+  {"shape": "sphere", "center": [-3,1.2,1], "diameter": 0.9, "velocity": [0.2,0.1], "acceleration": 0.5},
   {"shape": "column", "diameter": 0.6, "height": 3, "track": [[0,0,2],[1,1,1.5],[3,1,-3]]}]})";
 
 TEST(RunPlot, DrawsWhatWasReported) {
