@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "planner_daemon/optimize/acceleration_polytope.h"
 #include "planner_daemon/space/first_touch.h"
 
 namespace swarm {
@@ -69,6 +70,13 @@ Planner::Planner(const PlannerConfig& config, Stopwatch stopwatch)
     optimizers_.emplace_back(5, durations_s, jerk_weights);
   }
   candidates_.reserve(4);
+  const SearchLimits& limits = config_.limits;
+  spline_problem_.a_max_mps2 = limits.axis_mps2().maxCoeff();
+  spline_problem_.j_max_mps3 = limits.j_max_mps3;
+  if (limits.limits_thrust()) {
+    spline_problem_.accelerations = acceleration_polytope(limits.axis_mps2(), limits.tilt_slope(),
+                                                          MotionLimits::kGravity_mps2, MotionLimits::kTiltSides);
+  }
 }
 
 // The paper on one screen.
@@ -123,7 +131,7 @@ void Planner::compose(const PlanRequest& request) {
                 request.start_utime,
                 v_max_mps(request),
                 to_seconds(search.piece) * search.num_pieces,
-                config_.limits.a_max_mps2,
+                config_.limits.axis_mps2().maxCoeff(),
                 start.velocity};
   // A margin that has grown since the own motion was planned may hold its place: it is left as fast as others come, not
   // fled from.
@@ -300,11 +308,10 @@ bool Planner::optimize(const PlanRequest& request, Trajectory* smooth) {
   spline_problem_.start = {start.position, start.velocity, start.acceleration};
   spline_problem_.end = {end.position, end.velocity, end.acceleration};
   // The start lies inside a piece of the own motion, so its control points may pass the limits although the motion does
-  // not. is_within_limits() looks at the motion itself afterwards.
+  // not. keeps() looks at the motion itself afterwards.
   const Eigen::Vector3d drift = start.velocity + h / 4 * start.acceleration;
   const double start_mps = start.velocity.cwiseAbs().maxCoeff();  // a faster one than now allowed brakes
   spline_problem_.v_max_mps = std::clamp(start_mps, v_max_mps(request), config_.limits.v_max_mps);
-  spline_problem_.a_max_mps2 = config_.limits.a_max_mps2;
   spline_problem_.end_v_max_mps = std::max(start_mps, drift.cwiseAbs().maxCoeff());
   spline_problem_.end_a_max_mps2 = start.acceleration.cwiseAbs().maxCoeff();
   SplineQp& optimizer = optimizers_[static_cast<std::size_t>(n) - 1];
@@ -343,25 +350,9 @@ void Planner::shrink_corridors(int num_past_path) {
   }
 }
 
-bool Planner::is_within_limits(const Trajectory& trajectory) const {
-  constexpr double kTolerance = 1.005;
-  const double v_max_mps = config_.limits.v_max_mps * kTolerance, a_max_mps2 = config_.limits.a_max_mps2 * kTolerance;
-  const double h = trajectory.piece_s();
-  for (int k = 0; k < trajectory.num_pieces(); ++k) {
-    const ControlPoints points = quintic_control_points(trajectory.knot(k), trajectory.knot(k + 1), h);
-    if (max_speed_bound(points, h) <= v_max_mps && max_acceleration_bound(points, h) <= a_max_mps2) continue;
-    for (double s = 0.0; s < 1.0; s += 0.05) {  // the bounds are not tight
-      const MotionState state = evaluate_bezier(points, h, s);
-      if (state.velocity.cwiseAbs().maxCoeff() > v_max_mps || state.acceleration.cwiseAbs().maxCoeff() > a_max_mps2)
-        return false;
-    }
-  }
-  return true;
-}
-
 bool Planner::is_flyable(const Trajectory& trajectory) {
   const Duration leave = path_.left_blocked ? to_duration(config_.search.leave_s) : 0us;
-  return is_within_limits(trajectory) &&
+  return keeps(trajectory, config_.limits) &&
          space_.first_blocked({trajectory, {}}, trajectory.start_utime() + leave) == kNever;
 }
 

@@ -128,7 +128,6 @@ class Planner {
   [[nodiscard]] bool grow_corridors(const PlanRequest& request);
   [[nodiscard]] bool optimize(const PlanRequest& request, Trajectory* smooth);
   void shrink_corridors(int num_past_path);
-  bool is_within_limits(const Trajectory& trajectory) const;
   // Free and within the limits.
   bool is_flyable(const Trajectory& trajectory);
   // A candidate more: the path of the search, or what became of it.

@@ -36,8 +36,7 @@ void declare(OptionSet& options, PlannerNodeConfig& config) {
               "around peers that have fallen silent, where that costs little time: they may have to step aside unseen");
   options.add("recently-occupied", &planner.space.recently_occupied_s, 0, 2, "s",
               "where an obstacle was until this long before is avoided: it may turn");
-  options.add("v-max", &planner.limits.v_max_mps, 0.01, 100, "m/s", "speed limit per axis");
-  options.add("a-max", &planner.limits.a_max_mps2, 0.01, 1000, "m/s^2", "acceleration limit per axis");
+  declare(options, planner.limits);
   options.add("space-min", &planner.limits.space_min, -1e5, 1e5, "m",
               "flight space of the robot's centre, lower corner");
   options.add("space-max", &planner.limits.space_max, -1e5, 1e5, "m",
@@ -67,6 +66,7 @@ void declare(OptionSet& options, PlannerNodeConfig& config) {
 
 void verify(const PlannerNodeConfig& config) {
   const SearchLimits& limits = config.planner.limits;
+  verify(static_cast<const MotionLimits&>(limits));
   for (int axis = 0; axis < 3; ++axis) {
     if (limits.space_min[axis] >= limits.space_max[axis]) {
       throw OptionError("--space-min: must be below --space-max on every axis");

@@ -79,7 +79,7 @@ std::string description(const World& world) {
   const auto percent = [&](double volume_m3) { return fixed(100.0 * volume_m3 / room.prod(), 2) + " %"; };
   return "world       " + world.name + "\nspace       " + text_of(room.x()) + " x " + text_of(room.y()) + " x " +
          text_of(room.z()) + " m\nrobots      " + std::to_string(world.robots.size()) + ", up to " +
-         text_of(world.limits.speed_mps) + " m/s and " + text_of(world.limits.acceleration_mps2) +
+         text_of(world.limits.v_max_mps) + " m/s and " + text_of(world.limits.axis_mps2().maxCoeff()) +
          " m/s^2 on each axis\nobstacles   " +
          (shapes.empty() ? "none" : shapes + ", up to " + fixed(fastest_mps, 2) + " m/s") + "\ndensity     " +
          percent(obstacles_m3) + " of the space\nwalls       " + std::to_string(world.walls.size()) + ", " +

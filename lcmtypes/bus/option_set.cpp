@@ -50,7 +50,7 @@ std::optional<std::vector<Number>> parse_list(std::string_view text, Number low,
 template <class Numbers>
 std::string format_list(const Numbers& numbers) {
   std::string text;
-  for (const auto number : numbers) text += (text.empty() ? "" : ",") + format(number);
+  for (const auto number : numbers) text.append(text.empty() ? "" : ",").append(format(number));
   return text;
 }
 

@@ -37,8 +37,7 @@ void declare(OptionSet& options, BroadcastConfig& config) {
   options.add("robot-id", &config.robot_id, 0, 32767, "", "this robot");
   options.add("roster", &config.roster, 0, 32767, "ids of all robots that fly; this one may be among them");
   options.add("radius", &config.radius_m, 0.01, 10, "m", "of the sphere that holds the robot");
-  options.add("v-max", &config.v_max_mps, 0.01, 100, "m/s", "speed limit per axis");
-  options.add("a-max", &config.a_max_mps2, 0.01, 1000, "m/s^2", "acceleration limit per axis");
+  declare(options, config.limits);
   options.add("separation", &config.separation_m, 0, 10, "m", "kept between the surfaces of committed motions");
   options.add("announce-period", &config.announce_s, 0.005, 10, "s", "repetition of the announcement");
   options.add("lively-period", &config.lively_s, 0.005, 10, "s",
@@ -62,6 +61,7 @@ void declare(OptionSet& options, BroadcastConfig& config) {
 }
 
 void verify(const BroadcastConfig& config) {
+  verify(config.limits);
   std::set<int> robots(config.roster.begin(), config.roster.end());
   robots.insert(config.robot_id);
   if (std::ssize(robots) > kMaxRosterRobots) {
@@ -145,7 +145,7 @@ void BroadcastNode::track(Utime now, const sogm_swarm::robot_state_t& state) {
   if (!was_off_course)
     spdlog::warn("off course: the robot is {:.2f} m from its motion; it goes on from where it is",
                  tracking_.newest_m());
-  protocol_.force(Trajectory::braking(1, utime, position, velocity, config_.a_max_mps2));
+  protocol_.force(Trajectory::braking(1, utime, position, velocity, config_.limits));
   keep(now, protocol_.state());
   tracking_.back_on_course();
 }
@@ -185,14 +185,14 @@ Rejection BroadcastNode::examine(Utime now, const Trajectory& candidate) const {
       (branch.acceleration - first.acceleration).norm() > 1e-2) {
     return Rejection::kDiscontinuous;
   }
+  constexpr double kTolerance = 1.01;
   // Short pieces are looked at between their knots as well: they may be at rest there, and fast in between.
   const Duration step = std::min<Duration>(10ms, candidate.piece() / 8);
   for (Utime t = start; t < candidate.end_utime(); t += step) {
     const MotionState state = candidate.at(t);
-    if (state.velocity.cwiseAbs().maxCoeff() > 1.01 * config_.v_max_mps ||
-        state.acceleration.cwiseAbs().maxCoeff() > 1.01 * config_.a_max_mps2) {
+    if (state.velocity.cwiseAbs().maxCoeff() > kTolerance * config_.limits.v_max_mps ||
+        !config_.limits.can_follow(state, kTolerance))
       return Rejection::kLimits;
-    }
   }
   return Rejection::kNone;
 }

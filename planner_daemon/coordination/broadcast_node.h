@@ -19,6 +19,7 @@
 #include "planner_daemon/coordination/identity.h"
 #include "planner_daemon/coordination/promise_store.h"
 #include "planner_daemon/coordination/tracking_monitor.h"
+#include "planner_daemon/trajectory/motion_limits.h"
 
 namespace swarm {
 
@@ -26,8 +27,7 @@ struct BroadcastConfig {
   int robot_id = 0;
   double radius_m = 0.2;
   std::vector<int> roster;      // ids of all robots that fly: nothing is committed before each was heard
-  double v_max_mps = 2.0;       // per axis: candidates beyond are rejected
-  double a_max_mps2 = 6.0;      // per axis
+  MotionLimits limits;          // candidates beyond are rejected
   double separation_m = 0.02;   // kept between surfaces of committed motions
   double announce_s = 0.05;     // repetition of the announcement
   double lively_s = 0.02;       // the same right after news

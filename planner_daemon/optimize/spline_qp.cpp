@@ -116,8 +116,9 @@ const char* to_string(SplineStatus status) {
   return "unknown";
 }
 
-// "Outputs" are the distinct control points in the order acceleration, velocity, position, each kind along the curve;
-// those at a joint are shared by both pieces. Positions are relative to the start, which spares digits.
+// "Outputs" are the distinct control points in the order acceleration, velocity, position, jerk, each kind along the
+// curve; those at a joint are shared by both pieces, but for jerks. Positions are relative to the start, which spares
+// digits.
 struct SplineQp::Impl {
   struct Row {  // normal . outputs.row(output) <= bound
     int output;
@@ -129,17 +130,20 @@ struct SplineQp::Impl {
 
   template <typename Matrix>
   void integrate(Matrix* outputs) const;
+  template <typename Matrix>
+  void differentiate(Matrix* outputs) const;
   bool load(const SplineProblem& problem);
   void evaluate();
   bool fixed_outputs_hold() const;
   bool worst_row(Row* row) const;
+  static void raise_row(std::span<const Face> faces, const Eigen::Vector3d& value, double most, Row* row);
   double enter(const Row& row, double* bound);
   SplineStatus optimise(int* iterations);
   void report(const SplineProblem& problem, SplineSolution* solution) const;
 
   // Constant after construction.
   const int degree, pieces;
-  const int num_acc, num_vel, num_pos, num_outputs;
+  const int num_acc, num_vel, num_pos, num_jerk, first_jerk, num_outputs;
   const int freedom;  // per axis
   double duration_s(int piece) const { return durations_s[static_cast<std::size_t>(piece)]; }
   std::span<const Face> faces_of(int first_piece, int last_piece) const {
@@ -158,9 +162,11 @@ struct SplineQp::Impl {
   double max_norm = 0.0;
 
   // Of the problem being solved; y and the normals hold axis after axis.
-  double acc_limit = 0.0, vel_limit = 0.0;
+  double acc_limit = 0.0, vel_limit = 0.0, jerk_limit = 0.0;
+  int num_bounded = 0;                            // outputs that have bounds: all, or all but the jerks
   double end_acc_room = 0.0, end_vel_room = 0.0;  // beyond them, for what the end states alone decide
-  std::vector<Face> faces;                        // with relaxed offsets relative to the start, piece after piece
+  std::vector<Face> acc_faces;
+  std::vector<Face> faces;  // with relaxed offsets relative to the start, piece after piece
   std::vector<std::size_t> first_face;
   MatrixX3 unconstrained_acc;
   MatrixX3 outputs;
@@ -175,7 +181,9 @@ SplineQp::Impl::Impl(int curve_degree, const std::vector<double>& durations, con
       num_acc(pieces * (degree - 2) + 1),
       num_vel(pieces * (degree - 1) + 1),
       num_pos(pieces * degree + 1),
-      num_outputs(num_acc + num_vel + num_pos),
+      num_jerk(pieces * (degree - 2)),
+      first_jerk(num_acc + num_vel + num_pos),
+      num_outputs(first_jerk + num_jerk),
       freedom(num_acc - 4),
       durations_s(durations),
       root(jerk_root(degree)),
@@ -199,7 +207,7 @@ SplineQp::Impl::Impl(int curve_degree, const std::vector<double>& durations, con
   unit.topRows(num_acc).setIdentity();
   integrate(&unit);
   Eigen::MatrixXd gains(2, num_acc);
-  gains << unit.row(num_acc + num_vel - 1), unit.row(num_outputs - 1);
+  gains << unit.row(num_acc + num_vel - 1), unit.row(first_jerk - 1);
   const Eigen::MatrixXd interior_gains = gains.middleCols(1, interior).transpose();
   const Eigen::HouseholderQR<Eigen::MatrixXd> gain_qr(interior_gains);
   const Eigen::MatrixXd basis = gain_qr.householderQ();
@@ -239,13 +247,14 @@ SplineQp::Impl::Impl(int curve_degree, const std::vector<double>& durations, con
     optimum -= null_space.lazyProduct(along);
     response.topRows(num_acc) = null_space;
     integrate(&response);
+    differentiate(&response);
   }
   response_acc = response.topRows(num_acc);
 
   inverse_norm = Eigen::ArrayXd::Zero(num_outputs);
   if (freedom == 0) return;
   const Eigen::VectorXd norms = response.rowwise().norm();
-  max_norm = norms.maxCoeff();
+  max_norm = norms.head(first_jerk).maxCoeff();
   for (int begin = 0, derivative = 2; derivative >= 0; --derivative) {
     const int count = pieces * (degree - derivative) + 1;
     const double least = kConstantRow * norms.segment(begin, count).maxCoeff();
@@ -254,6 +263,9 @@ SplineQp::Impl::Impl(int curve_degree, const std::vector<double>& durations, con
       if (norms(begin + i) > least) inverse_norm(begin + i) = 1.0 / norms(begin + i);
     }
     begin += count;
+  }
+  for (int i = first_jerk; i < num_outputs; ++i) {
+    if (norms(i) > kConstantRow * norms.tail(num_jerk).maxCoeff()) inverse_norm(i) = 1.0 / norms(i);
   }
 }
 
@@ -272,15 +284,32 @@ void SplineQp::Impl::integrate(Matrix* curve) const {
   }
 }
 
+// Completes the jerks.
+template <typename Matrix>
+void SplineQp::Impl::differentiate(Matrix* curve) const {
+  for (int k = 0, jerk = first_jerk; k < pieces; ++k) {
+    for (int acc = k * (degree - 2); acc < (k + 1) * (degree - 2); ++acc, ++jerk)
+      curve->row(jerk) = (degree - 2) / duration_s(k) * (curve->row(acc + 1) - curve->row(acc));
+  }
+}
+
 // False: some input is not a number, which meets no bound.
 bool SplineQp::Impl::load(const SplineProblem& problem) {
   bool valid = true;
   acc_limit = problem.a_max_mps2 + kSlack;
   vel_limit = problem.v_max_mps + kSlack;
+  jerk_limit = problem.j_max_mps3 + kSlack;
+  num_bounded = problem.j_max_mps3 > 0.0 ? num_outputs : first_jerk;
   end_acc_room = std::max(0.0, problem.end_a_max_mps2 - problem.a_max_mps2);
   end_vel_room = std::max(0.0, problem.end_v_max_mps - problem.v_max_mps);
   const Eigen::Vector3d& origin = problem.start.position;
   faces.clear();
+  acc_faces.clear();
+  for (int i = 0; i < problem.accelerations.num_faces(); ++i) {
+    const Eigen::Vector3d n = problem.accelerations.normals.row(i);
+    acc_faces.push_back({n.x(), n.y(), n.z(), problem.accelerations.offsets(i) + kSlack});
+    valid = valid && !std::isnan(n.sum() + acc_faces.back().offset);
+  }
   for (std::size_t k = 0; k < problem.corridors.size(); ++k) {
     const Polytope& corridor = problem.corridors[k];
     for (int i = 0; i < corridor.num_faces(); ++i) {
@@ -315,7 +344,16 @@ void SplineQp::Impl::evaluate() {
   excess.segment(num_acc, num_vel) -= vel_limit;
   for (const int i : {0, num_acc - 1}) excess(i) -= end_acc_room;
   for (const int i : {num_acc, num_acc + 1, num_acc + num_vel - 2, num_acc + num_vel - 1}) excess(i) -= end_vel_room;
-  excess.tail(num_pos).setConstant(-1e30);
+  if (!acc_faces.empty()) {  // but for what the end states decide
+    const double first = excess(0), last = excess(num_acc - 1);
+    raise_to_faces(acc_faces, outputs.data(), num_outputs, num_acc, excess.data());
+    excess(0) = first, excess(num_acc - 1) = last;
+  }
+  if (num_bounded > first_jerk) {
+    differentiate(&outputs);
+    excess.tail(num_jerk) = outputs.bottomRows(num_jerk).cwiseAbs().rowwise().maxCoeff().array() - jerk_limit;
+  }
+  excess.segment(num_acc + num_vel, num_pos).setConstant(-1e30);
   for (int k = 0; k < pieces; ++k) {
     const int first = num_acc + num_vel + k * degree;
     raise_to_faces(faces_of(k, k), outputs.data() + first, num_outputs, degree + 1, excess.data() + first);
@@ -323,15 +361,24 @@ void SplineQp::Impl::evaluate() {
 }
 
 bool SplineQp::Impl::fixed_outputs_hold() const {
-  for (int i = 0; i < num_outputs; ++i) {
+  for (int i = 0; i < num_bounded; ++i) {
     if (inverse_norm(i) == 0.0 && excess(i) > kFixedTolerance - kSlack) return false;
   }
   return true;
 }
 
+// Makes it that of the most violated face, if one is more than `most`.
+void SplineQp::Impl::raise_row(std::span<const Face> faces, const Eigen::Vector3d& value, double most, Row* row) {
+  for (const Face& face : faces) {
+    const Eigen::Vector3d n(face.x, face.y, face.z);
+    const double violation = n.dot(value) - face.offset;
+    if (violation > most) most = violation, row->normal = n, row->bound = face.offset;
+  }
+}
+
 // The violated row farthest from the curve in the metric of the cost (the first of equals); false: none is violated.
 bool SplineQp::Impl::worst_row(Row* row) const {
-  const auto score = (excess - kTolerance) * inverse_norm;
+  const auto score = (excess.head(num_bounded) - kTolerance) * inverse_norm.head(num_bounded);
   const double largest = score.maxCoeff();
   if (!(largest > 0.0)) return false;
   row->output = 0;
@@ -339,20 +386,16 @@ bool SplineQp::Impl::worst_row(Row* row) const {
 
   const Eigen::Vector3d value = outputs.row(row->output);
   const int point = row->output - num_acc - num_vel;
-  if (point < 0) {
+  if (point < 0 || row->output >= first_jerk) {
     int axis;
     value.cwiseAbs().maxCoeff(&axis);
     row->normal = std::copysign(1.0, value(axis)) * Eigen::Vector3d::Unit(axis);
-    row->bound = row->output < num_acc ? acc_limit : vel_limit;
+    row->bound = row->output >= first_jerk ? jerk_limit : row->output < num_acc ? acc_limit : vel_limit;
+    if (row->output < num_acc) raise_row(acc_faces, value, row->normal.dot(value) - row->bound, row);
     return true;
   }
-  double most = -kInfinity;
   const int first_piece = (point - 1) / degree, last_piece = std::min(point / degree, pieces - 1);
-  for (const Face& face : faces_of(first_piece, last_piece)) {
-    const Eigen::Vector3d n(face.x, face.y, face.z);
-    const double violation = n.dot(value) - face.offset;
-    if (violation > most) most = violation, row->normal = n, row->bound = face.offset;
-  }
+  raise_row(faces_of(first_piece, last_piece), value, -kInfinity, row);
   return true;
 }
 
@@ -422,7 +465,7 @@ void SplineQp::Impl::report(const SplineProblem& problem, SplineSolution* soluti
     const auto acc = outputs.middleRows(k * (degree - 2), degree - 1);
     solution->jerk_integral += root.lazyProduct(acc).squaredNorm() / duration_s(k);
   }
-  solution->max_violation = std::max(0.0, excess.maxCoeff() + kSlack);
+  solution->max_violation = std::max(0.0, excess.head(num_bounded).maxCoeff() + kSlack);
 }
 
 SplineQp::SplineQp(int degree, const std::vector<double>& durations_s, const std::vector<double>& jerk_weights) {
@@ -458,6 +501,7 @@ SplineStatus SplineQp::solve(const SplineProblem& problem, SplineSolution* solut
   }
   if (!(problem.v_max_mps > 0.0)) reject("v_max_mps", std::to_string(problem.v_max_mps), "> 0 m/s");
   if (!(problem.a_max_mps2 > 0.0)) reject("a_max_mps2", std::to_string(problem.a_max_mps2), "> 0 m/s^2");
+  if (!(problem.j_max_mps3 >= 0.0)) reject("j_max_mps3", std::to_string(problem.j_max_mps3), ">= 0 m/s^3");
   const bool valid = impl_->load(problem);
   impl_->evaluate();
   solution->iterations = 0;

@@ -1,6 +1,6 @@
 // The trajectory optimisation of the paper (section IV-C): a piecewise Bezier curve of minimum jerk, C2 at its joints,
-// with fixed ends, inside one polytope per piece and within per-axis bounds on the control points of velocity and
-// acceleration.
+// with fixed ends, inside one polytope per piece and within per-axis bounds on the control points of velocity,
+// acceleration and jerk; those of the acceleration in a polytope as well.
 #pragma once
 
 #include <Eigen/Core>
@@ -19,9 +19,11 @@ struct EndState {
 
 struct SplineProblem {
   EndState start, end;
-  double v_max_mps = 2.0;           // per axis [m/s], > 0
-  double a_max_mps2 = 6.0;          // per axis [m/s^2], > 0
-  std::vector<Polytope> corridors;  // one per piece; no faces: the piece is free
+  double v_max_mps = 2.0;                // per axis [m/s], > 0
+  double a_max_mps2 = 6.0;               // per axis [m/s^2], > 0
+  std::vector<Polytope> corridors = {};  // one per piece; no faces: the piece is free
+  double j_max_mps3 = 0.0;               // per axis [m/s^3]; 0: not bounded
+  Polytope accelerations = {};           // [m/s^2]; no faces: bounded by a_max_mps2 alone
   // Where they are greater, the limits of the control points that the end states alone decide.
   double end_v_max_mps = 0.0, end_a_max_mps2 = 0.0;
 };

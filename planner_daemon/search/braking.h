@@ -8,7 +8,7 @@
 
 namespace swarm {
 
-// Brakes to rest from a node, evenly, and hovers to the end of horizon and map: visit(sample) of each sample on the
+// Brakes to rest from a node and hovers to the end of horizon and map: visit(sample) of each sample on the
 // way, until it returns false. The knots behind the node's go to `path` in any case.
 struct BrakeSample {
   Utime utime;
@@ -23,15 +23,15 @@ void brake(const SearchContext& context, const SearchNode& node, SearchPath* pat
   const Primitives& primitives = context.primitives;
   const double tau_s = primitives.tau_s();
   const int brake_pieces = primitives.brake_pieces();
-  const Eigen::Vector3d drift = node.state.velocity + tau_s / 3 * node.state.acceleration;
-  const Eigen::Vector3d a1 = -drift / (tau_s * (brake_pieces - 1));
   ConfigurationSpace& space = *context.problem.space;
   const Sogm& map = space.grid();
   bool goes_on = true;
-  MotionState state = node.state.motion();
+  const MotionState from = node.state.motion();
+  const Eigen::Vector3d level = primitives.brake_level(from);
+  MotionState state = from;
   for (int k = 0; k < brake_pieces; ++k) {
     const bool last = k == brake_pieces - 1;
-    const Eigen::Vector3d a = last ? Eigen::Vector3d::Zero().eval() : a1;
+    const Eigen::Vector3d a = primitives.brake_acceleration(k + 1, from, level);
     if (goes_on) {
       const auto samples = [&](int axis) {
         return primitives.axis_samples(axis, state.position[axis], state.velocity[axis], state.acceleration[axis],

@@ -17,7 +17,7 @@ class GoalHeuristic {
     int cell;       // of the space-time heuristic; -1: none
   };
 
-  void set(const SearchProblem& problem, double v_max_mps, double a_max_mps2) {
+  void set(const SearchProblem& problem, double v_max_mps, const Eigen::Vector3d& a_max_mps2) {
     delays_ = problem.heuristic;
     target_ = delays_ != nullptr ? delays_->target() : problem.goal;
     rest_s_ = delays_ != nullptr ? delays_->rest_s() : 0.0;
@@ -43,7 +43,7 @@ class GoalHeuristic {
 
  private:
   double axis_time(int axis, double position, double velocity) const {
-    return min_time_to_rest(target_[axis] - position, velocity, v_max_mps_, a_max_mps2_);
+    return min_time_to_rest(target_[axis] - position, velocity, v_max_mps_, a_max_mps2_[axis]);
   }
   // The slowest axis decides, the others break ties.
   double straight(double x_s, double y_s, double z_s) const {
@@ -54,7 +54,8 @@ class GoalHeuristic {
   Eigen::Vector3d target_ = Eigen::Vector3d::Zero();
   double rest_s_ = 0.0;
   const SpaceTimeHeuristic* delays_ = nullptr;
-  double v_max_mps_ = 1.0, a_max_mps2_ = 1.0;
+  double v_max_mps_ = 1.0;
+  Eigen::Vector3d a_max_mps2_ = Eigen::Vector3d::Ones();
 };
 
 }  // namespace swarm

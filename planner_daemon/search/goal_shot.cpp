@@ -41,7 +41,7 @@ bool GoalShot::is_free(const SearchNode& node, const SearchPath& path, int piece
 }
 
 bool GoalShot::shoot(const SearchNode& node, SearchPath* path) {
-  const double v_max_mps = context_.v_max_mps, a_max_mps2 = context_.limits.a_max_mps2;
+  const double v_max_mps = context_.v_max_mps, a_max_mps2 = context_.limits.axis_mps2().maxCoeff();
   const Eigen::AlignedBox3d& space = context_.space;
   const Sogm& map = context_.problem.space->grid();
   const double tau_s = context_.primitives.tau_s();
@@ -50,7 +50,8 @@ bool GoalShot::shoot(const SearchNode& node, SearchPath* path) {
   goal.position = context_.problem.goal;
   const int room = context_.options.num_pieces - node.depth;
   const int first = std::max(1, static_cast<int>(std::ceil(node.time_to_goal_s / tau_s - 1e-9)));
-  for (int pieces = first; pieces <= std::min(room, first + 3); ++pieces) {
+  const int last = std::min(room, first + 2 + context_.primitives.ramp_pieces());
+  for (int pieces = first; pieces <= last; ++pieces) {
     if (!goal_open_utime_) goal_open_utime_ = goal_open_from();
     if (context_.utime_at(node.depth + pieces) < *goal_open_utime_) continue;
     const double duration_s = pieces * tau_s;
@@ -64,7 +65,8 @@ bool GoalShot::shoot(const SearchNode& node, SearchPath* path) {
       const MotionState& before = k == 1 ? start : path->knots[at - 1];
       const ControlPoints points = quintic_control_points(before, knot, tau_s);
       ok = max_speed_bound(points, tau_s) <= v_max_mps + 1e-9 &&
-           max_acceleration_bound(points, tau_s) <= a_max_mps2 + 1e-9;
+           max_acceleration_bound(points, tau_s) <= a_max_mps2 + 1e-9 &&
+           context_.limits.can_follow(points, tau_s, 1.0 + 1e-6);
     }
     if (!ok) continue;
     // Free on the way; at the goal it is.

@@ -20,7 +20,7 @@ KinodynamicSearch::KinodynamicSearch(const SearchLimits& limits, const SearchOpt
       tree_(context_),
       shot_(context_),
       closed_(static_cast<std::size_t>(options.max_expansions) * 4),
-      cell_mps_(std::min(options.cell_mps, 0.15 * limits.a_max_mps2)) {
+      cell_mps_(std::min(options.cell_mps, 0.15 * limits.axis_mps2().minCoeff())) {
   open_.reserve(tree_.capacity());
   expanded_.reserve(static_cast<std::size_t>(options.max_expansions));
 }

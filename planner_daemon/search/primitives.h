@@ -42,14 +42,19 @@ struct AxisOptions {
 
 class Primitives {
  public:
-  // Throws std::invalid_argument when braking does not fit the horizon (num_pieces too small).
+  // Throws std::invalid_argument when braking does not fit the horizon (num_pieces too small, or jerk or thrust).
   Primitives(const SearchLimits& limits, const SearchOptions& options);
 
   // Primitives in which any reachable state comes to rest.
   static int brake_pieces(const SearchLimits& limits, Duration piece);
 
   double tau_s() const { return tau_s_; }
-  double a_usable_mps2() const { return a_usable_mps2_; }  // of a_max: a little is left for rounding
+  // Largest acceleration per axis: a little of what the limits say is left for rounding.
+  const Eigen::Vector3d& a_usable_mps2() const { return a_usable_mps2_; }
+  // So many until the strongest acceleration has ended: more than one where jerk is limited.
+  int ramp_pieces() const { return ramp_pieces_; }
+  // The most that an acceleration changes during a primitive; infinite where jerk is not limited.
+  double step_mps2() const { return step_mps2_; }
   int brake_pieces() const { return brake_pieces_; }
   int max_depth() const { return max_depth_; }  // primitives before braking
 
@@ -62,6 +67,15 @@ class Primitives {
   // the one that stops, none, and, where steps are `fine`, gentle ones at low speed; nearly equal ones once, none that
   // leaves the flight space.
   void axis_options(int axis, const MotionState& from, bool fine, AxisOptions* options) const;
+  // Whether thrust may have this direction: what the axes' options say together.
+  bool can_tilt(double x_mps2, double y_mps2, double z_mps2) const {
+    const double most = tilt_slope_ * (MotionLimits::kGravity_mps2 + z_mps2);
+    return tilt_slope_ == 0.0 || x_mps2 * x_mps2 + y_mps2 * y_mps2 <= most * most;
+  }
+  // How a state is brought to rest in brake_pieces() primitives: the acceleration that is held in between, which takes
+  // some primitives to get to where jerk is limited; and the one after the k-th of them, 1 <= k.
+  Eigen::Vector3d brake_level(const MotionState& from) const;
+  Eigen::Vector3d brake_acceleration(int k, const MotionState& from, const Eigen::Vector3d& level) const;
   // Samples of a primitive of one axis from (p, v, a) to the acceleration a1.
   AxisSamples axis_samples(int axis, double p, double v, double a, double a1) const;
   // Next knot of a primitive towards acceleration `a1`.
@@ -81,12 +95,15 @@ class Primitives {
   static void place(const SampleWeights& weights, int num_samples, const AxisGrid& grid, double p, double v, double a,
                     double a1, AxisSamples* out);
   double end_position(double p, double v, double a, double a1) const;
-  double calm_down(double v, double a, double high) const;
+  double calm_down(double v, double a, double high, double a_usable_mps2) const;
 
   SearchLimits limits_;
   SearchOptions options_;
   double tau_s_;
-  double a_usable_mps2_;
+  Eigen::Vector3d axis_mps2_, a_usable_mps2_;
+  double step_mps2_;
+  double tilt_slope_;  // 0: thrust is not limited
+  int ramp_pieces_;
   int brake_pieces_;
   int max_depth_;
   double v_max_mps_;

@@ -124,6 +124,7 @@ std::int32_t SearchTree::add_child(std::int32_t index, const Axes& axes, const C
   const auto& [xs, ys, zs] = axes;
   const AxisOption &x = xs.options.option[choice[0]], &y = ys.options.option[choice[1]];
   const AxisOption& z = zs.options.option[choice[2]];
+  if (!context_.primitives.can_tilt(x.acceleration, y.acceleration, z.acceleration)) return -1;
   const SearchNode& node = nodes_[static_cast<std::size_t>(index)];
   const double layers = layer_cost(words, x.samples, y.samples, z.samples, node.depth);
   if (layers < 0.0) return -1;
@@ -146,9 +147,12 @@ std::int32_t SearchTree::add_child_alike(std::int32_t index) {
   rate(node, &axes);
   Choice choice{};
   for (std::size_t axis = 0; axis < 3; ++axis) {
-    const auto change = [&](const AxisOption& option) {
-      return std::abs(option.acceleration - node.state.acceleration[static_cast<Eigen::Index>(axis)]);
-    };
+    // An acceleration that jerk alone kept from going further goes on.
+    const double now = node.state.acceleration[static_cast<Eigen::Index>(axis)];
+    const double step =
+        node.parent < 0 ? 0.0 : now - (*this)[node.parent].state.acceleration[static_cast<Eigen::Index>(axis)];
+    const double wanted = std::abs(step) > 0.999 * context_.primitives.step_mps2() ? now + step : now;
+    const auto change = [wanted](const AxisOption& option) { return std::abs(option.acceleration - wanted); };
     const AxisOptions& options = axes[axis].options;
     const AxisOption *begin = options.option.data(), *end = begin + options.count;
     const AxisOption* least =

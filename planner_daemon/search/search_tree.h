@@ -43,7 +43,7 @@ class SearchTree {
   // visit(index) of each child that is free, or may be blocked, by the primitives of a node.
   template <class Visit>
   void for_each_child(std::int32_t index, const Visit& visit);
-  // The child by the primitive that changes the accelerations least; -1: there is none.
+  // The child by the primitive that goes on with the accelerations; -1: there is none.
   std::int32_t add_child_alike(std::int32_t index);
 
   // The knots from the root to a node.
@@ -72,7 +72,7 @@ class SearchTree {
   // Cost of the layers one primitive passes; negative when it is blocked.
   double layer_cost(const SampleWords& words, const AxisSamples& x, const AxisSamples& y, const AxisSamples& z,
                     int depth) const;
-  // -1 when it is blocked, or there is no room.
+  // -1 when it is blocked, or tilts the robot too far, or there is no room.
   std::int32_t add_child(std::int32_t index, const Axes& axes, const Choice& choice, const SampleWords& words);
 
   const SearchContext& context_;

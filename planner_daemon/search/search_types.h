@@ -7,13 +7,12 @@
 
 #include "planner_daemon/search/space_time_heuristic.h"
 #include "planner_daemon/space/configuration_space.h"
+#include "planner_daemon/trajectory/motion_limits.h"
 #include "planner_daemon/trajectory/trajectory.h"
 
 namespace swarm {
 
-struct SearchLimits {
-  double v_max_mps = 2.0;                                       // per axis
-  double a_max_mps2 = 6.0;                                      // per axis
+struct SearchLimits : MotionLimits {
   Eigen::Vector3d space_min = Eigen::Vector3d::Constant(-1e3);  // flight space of the robot's centre, W [m]
   Eigen::Vector3d space_max = Eigen::Vector3d::Constant(1e3);
 };

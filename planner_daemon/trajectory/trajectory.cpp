@@ -1,6 +1,9 @@
 #include "planner_daemon/trajectory/trajectory.h"
 
 #include <algorithm>
+#include <cmath>
+
+#include "planner_daemon/trajectory/motion_limits.h"
 
 namespace swarm {
 
@@ -19,8 +22,11 @@ Trajectory Trajectory::hover(std::int32_t seq, Utime start_utime, const Eigen::V
 // The velocity falls as a cubic of time does: half of `duration_s` at the first one, and three halves of an even
 // braking.
 Trajectory Trajectory::braking(std::int32_t seq, Utime start_utime, const Eigen::Vector3d& position,
-                               const Eigen::Vector3d& velocity, double a_max_mps2) {
-  const double duration_s = std::clamp(1.5 * velocity.cwiseAbs().maxCoeff() / a_max_mps2, 0.1, 5.0);
+                               const Eigen::Vector3d& velocity, const MotionLimits& limits) {
+  const double v_mps = velocity.cwiseAbs().maxCoeff();
+  double longest_s = 1.5 * v_mps / limits.axis_mps2().minCoeff();
+  if (limits.limits_jerk()) longest_s = std::max(longest_s, std::sqrt(6.0 * v_mps / limits.j_max_mps3));
+  const double duration_s = std::clamp(longest_s, 0.1, 5.0);
   Trajectory trajectory(seq, start_utime, to_duration(duration_s), 1);
   MotionState state;
   state.position = position;

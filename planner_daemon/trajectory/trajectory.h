@@ -11,6 +11,8 @@
 
 namespace swarm {
 
+struct MotionLimits;
+
 class Trajectory {
  public:
   static constexpr int kMaxPieces = sogm_swarm::trajectory_t::kMaxPieces;
@@ -19,10 +21,10 @@ class Trajectory {
   Trajectory() = default;
   // Hover at `position` from `start_utime` on. seq >= 1.
   static Trajectory hover(std::int32_t seq, Utime start_utime, const Eigen::Vector3d& position);
-  // From this place at this velocity to rest, with at most `a_max_mps2` on each axis; for 5 s at most, so a faster one
-  // brakes harder. seq >= 1.
+  // From this place at this velocity to rest, within the limits of acceleration and jerk; for 5 s at most, so a faster
+  // one brakes harder. seq >= 1.
   static Trajectory braking(std::int32_t seq, Utime start_utime, const Eigen::Vector3d& position,
-                            const Eigen::Vector3d& velocity, double a_max_mps2);
+                            const Eigen::Vector3d& velocity, const MotionLimits& limits);
   // From a message that passed decode().
   static Trajectory from_wire(const sogm_swarm::trajectory_t& wire);
   sogm_swarm::trajectory_t to_wire() const;

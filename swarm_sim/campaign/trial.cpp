@@ -117,7 +117,7 @@ TrialRow trial_row(const Trial& trial, const World& world, const RunReport& repo
   for (std::size_t i = 0; i < report.robots.size(); ++i) {
     const RobotReport& robot = report.robots[i];
     const RobotVerdict& verdict = robot.verdict;
-    const RobotLimits limits = limits_of(world, world.robots[i]);
+    const MotionLimits& limits = limits_of(world, world.robots[i]);
     const double flight_s = verdict.flight_time_s.value_or(INFINITY);
     last_s = std::max(last_s, flight_s);
     sum_s += flight_s;
@@ -125,8 +125,8 @@ TrialRow trial_row(const Trial& trial, const World& world, const RunReport& repo
     static_m = std::min(static_m, verdict.to_static_map.distance_m);
     robots_m = std::min(robots_m, verdict.to_robots.distance_m);
     tracking_m = std::max(tracking_m, robot.tracking.p99_m);
-    speed = std::max(speed, verdict.max_speed_mps.maxCoeff() / limits.speed_mps);
-    acceleration = std::max(acceleration, verdict.max_acceleration_mps2.maxCoeff() / limits.acceleration_mps2);
+    speed = std::max(speed, verdict.max_speed_mps.maxCoeff() / limits.v_max_mps);
+    acceleration = std::max(acceleration, verdict.max_acceleration_mps2.cwiseQuotient(limits.axis_mps2()).maxCoeff());
     jump_m = std::max(jump_m, verdict.max_position_jump_m);
     step_mps2 = std::max(step_mps2, verdict.max_acceleration_step_mps2);
     plans += robot.plans;

@@ -15,8 +15,8 @@ MapConfig map_config(const World& world, const WorldRobot& robot, const FlightOp
   MapConfig config = options.map;
   config.robot_id = robot.id;
   config.static_map = world.static_map;
-  config.v_max_mps = limits_of(world, robot).speed_mps;
-  config.a_max_mps2 = limits_of(world, robot).acceleration_mps2;
+  config.v_max_mps = limits_of(world, robot).v_max_mps;
+  config.a_max_mps2 = limits_of(world, robot).stopping_mps2();
   return config;
 }
 
@@ -26,8 +26,7 @@ PlannerNodeConfig planner_config(const World& world, const WorldRobot& robot, co
   config.planner.space.radius_m = robot.radius_m;
   config.planner.static_map = world.static_map;
   SearchLimits& limits = config.planner.limits;
-  limits.v_max_mps = limits_of(world, robot).speed_mps;
-  limits.a_max_mps2 = limits_of(world, robot).acceleration_mps2;
+  static_cast<MotionLimits&>(limits) = limits_of(world, robot);
   // The ground and the ceiling are solid. The sides are not: starts and goals may lie on them, and a robot needs room
   // to step back.
   limits.space_min = world.space.min + Eigen::Vector3d(-kSideRoom_m, -kSideRoom_m, robot.radius_m);
@@ -39,8 +38,7 @@ BroadcastConfig broadcast_config(const World& world, const WorldRobot& robot, co
   BroadcastConfig config = options.broadcast;
   config.robot_id = robot.id;
   config.radius_m = robot.radius_m;
-  config.v_max_mps = limits_of(world, robot).speed_mps;
-  config.a_max_mps2 = limits_of(world, robot).acceleration_mps2;
+  config.limits = limits_of(world, robot);
   config.roster.clear();
   for (const WorldRobot& other : world.robots) config.roster.push_back(other.id);
   return config;

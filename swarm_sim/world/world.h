@@ -14,6 +14,7 @@
 
 #include "map_daemon/obstacle.h"
 #include "planner_daemon/trajectory/mission.h"
+#include "planner_daemon/trajectory/motion_limits.h"
 #include "swarm_sim/world/imperfections.h"
 
 namespace swarm {
@@ -42,20 +43,13 @@ struct Rectangle {
   bool operator==(const Rectangle&) const = default;
 };
 
-// Of a robot, per axis.
-struct RobotLimits {
-  double speed_mps = 2.0;
-  double acceleration_mps2 = 6.0;
-  bool operator==(const RobotLimits&) const = default;
-};
-
 // A sphere that shall fly from its start to one place after the other, W [m].
 struct WorldRobot {
   int id = 0;
   Eigen::Vector3d start = Eigen::Vector3d::Zero();
   Mission mission = {{}};  // never empty
   double radius_m = 0.2;
-  std::optional<RobotLimits> limits = std::nullopt;  // none: the world's
+  std::optional<MotionLimits> limits = std::nullopt;  // none: the world's
 
   const Eigen::Vector3d& goal() const { return mission.back().position; }
   // Its mission is a place alone.
@@ -98,7 +92,7 @@ struct World {
   std::string name;
   Space space;
   Rectangle obstacle_bounds;
-  RobotLimits limits;  // of every robot that has none of its own
+  MotionLimits limits;  // of every robot that has none of its own
   double sensing_radius_m = 5.0;
   std::filesystem::path static_map;  // OctoMap file, absolute; empty: none
   std::vector<Space> walls;          // solid; not with a static_map, but one is made of them to be flown in (walls.h)
@@ -109,8 +103,8 @@ struct World {
   bool operator==(const World&) const = default;
 };
 
-inline RobotLimits limits_of(const World& world, const WorldRobot& robot) {
-  return robot.limits.value_or(world.limits);
+inline const MotionLimits& limits_of(const World& world, const WorldRobot& robot) {
+  return robot.limits ? *robot.limits : world.limits;
 }
 
 struct ObstacleState {

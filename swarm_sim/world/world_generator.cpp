@@ -260,8 +260,10 @@ void declare(OptionSet& options, Fleet& fleet) {
               "robots of the tasks circle, random and hall; 0: 10, in the hall 8");
   options.add("radius", &fleet.circle_m, 0, 1000, "m", "of the circle; 0: 10 m");
   options.add("robot-radius", &fleet.robot_m, 0.01, 10, "m", "of each robot");
-  options.add("speed", &fleet.speed_mps, 0.01, 100, "m/s", "limit of every robot, per axis");
-  options.add("acceleration", &fleet.acceleration_mps2, 0.01, 1000, "m/s^2", "limit of every robot, per axis");
+  options.add("speed", &fleet.limits.v_max_mps, 0.01, 100, "m/s", "limit of every robot, per axis");
+  options.add("acceleration", &fleet.limits.a_max_mps2, 0.01, 1000, "m/s^2", "limit of every robot, per axis");
+  options.add("jerk", &fleet.limits.j_max_mps3, 0, 1e5, "m/s^3", "limit of every robot, per axis; 0: none");
+  declare_thrust(options, fleet.limits);
   options.add("space", &fleet.space_m, 1, 1000, "m", "edges of the space of the task random");
   options.add("obstacle-acceleration", &fleet.obstacle_acceleration_mps2, 0, kMaxObstacleAcceleration_mps2, "m/s^2",
               "of every obstacle, at any time: it goes round a circle in 4 s on top of its uniform motion");
@@ -272,8 +274,13 @@ std::string command_line(const Fleet& fleet) {
     return NamedValues{{"robots", std::to_string(f.robots)},
                        {"radius", text_of(f.circle_m)},
                        {"robot-radius", text_of(f.robot_m)},
-                       {"speed", text_of(f.speed_mps)},
-                       {"acceleration", text_of(f.acceleration_mps2)},
+                       {"speed", text_of(f.limits.v_max_mps)},
+                       {"acceleration", text_of(f.limits.a_max_mps2)},
+                       {"jerk", text_of(f.limits.j_max_mps3)},
+                       {"limits", f.limits.kind},
+                       {"thrust-min", text_of(f.limits.thrust.least_mps2)},
+                       {"thrust-max", text_of(f.limits.thrust.most_mps2)},
+                       {"tilt-max", text_of(f.limits.thrust.tilt_deg)},
                        {"space", text_of(f.space_m.x()) + "," + text_of(f.space_m.y()) + "," + text_of(f.space_m.z())},
                        {"obstacle-acceleration", text_of(f.obstacle_acceleration_mps2)}};
   };
@@ -291,12 +298,16 @@ World make_world(Task task, Environment environment, int obstacles, std::uint64_
   if (fleet.robots != 0 && (fleet.robots < 2 || fleet.robots > kMaxRobots))
     throw WorldError("robots: " + std::to_string(fleet.robots) + " must be in [2, " + std::to_string(kMaxRobots) + "]");
   if (task != Task::kCircle && fleet.circle_m != 0.0) throw WorldError("radius: only the task circle has a radius");
+  try {
+    verify(fleet.limits);
+  } catch (const OptionError& error) {
+    throw WorldError(error.what());
+  }
   World world;
   world.name = std::string(to_string(task)) + "-" + to_string(environment) + "-" + std::to_string(obstacles) + "-" +
                std::to_string(seed);
   world.obstacle_bounds = {{-7, -7}, {7, 7}};
-  world.limits.speed_mps = fleet.speed_mps;
-  world.limits.acceleration_mps2 = fleet.acceleration_mps2;
+  world.limits = fleet.limits;
   Draw random(seed);
   add_robots(&world, task, fleet, &random);
   const int columns = environment == Environment::kMixed ? (obstacles + 1) / 2 : obstacles;

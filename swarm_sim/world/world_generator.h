@@ -22,11 +22,10 @@ Environment environment_from(const std::string& text);
 // the circle each goes to its antipode, in the random task from anywhere in the space to anywhere else, in the hall
 // from a room to another one.
 struct Fleet {
-  int robots = 0;          // circle, random and hall only: [2, 60]; 0: 10, in the hall 8
-  double circle_m = 0.0;   // radius of the circle: [0.5, 1000]; 0: 10
-  double robot_m = 0.2;    // radius of each robot
-  double speed_mps = 2.0;  // limits per axis
-  double acceleration_mps2 = 6.0;
+  int robots = 0;                               // circle, random and hall only: [2, 60]; 0: 10, in the hall 8
+  double circle_m = 0.0;                        // radius of the circle: [0.5, 1000]; 0: 10
+  double robot_m = 0.2;                         // radius of each robot
+  MotionLimits limits = {};                     // of each robot
   Eigen::Vector3d space_m = {12.0, 12.0, 4.0};  // edges of the random task's space
   double obstacle_acceleration_mps2 = 0.0;      // of every obstacle: [0, kMaxObstacleAcceleration_mps2]
 };

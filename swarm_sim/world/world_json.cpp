@@ -28,11 +28,27 @@ Box read_box(const JsonValue& value) {
   return box;
 }
 
-RobotLimits read_limits(const JsonValue& value) {
-  value.expect_keys({"speed", "acceleration"});
-  RobotLimits limits;
-  limits.speed_mps = value.at("speed").number(0.0, kFast_mps, kPositive);
-  limits.acceleration_mps2 = value.at("acceleration").number(0.0, 1000.0, kPositive);
+// Accelerations by axes, or by thrust.
+MotionLimits read_limits(const JsonValue& value) {
+  value.expect_keys({"speed", "acceleration", "jerk", "thrust"});
+  MotionLimits limits;
+  limits.v_max_mps = value.at("speed").number(0.0, kFast_mps, kPositive);
+  if (const auto jerk = value.find("jerk")) limits.j_max_mps3 = jerk->number(0.0, 1e5, kPositive);
+  const auto thrust = value.find("thrust");
+  if (!thrust) {
+    limits.a_max_mps2 = value.at("acceleration").number(0.0, 1000.0, kPositive);
+    return limits;
+  }
+  if (const auto acceleration = value.find("acceleration")) acceleration->fail("absent where there is thrust");
+  thrust->expect_keys({"min", "max", "tilt"});
+  limits.kind = "thrust";
+  limits.thrust = {thrust->at("min").number(0.0, 9.8), thrust->at("max").number(9.82, 1000.0),
+                   thrust->at("tilt").number(1.0, 80.0)};
+  try {
+    verify(limits);
+  } catch (const OptionError&) {
+    thrust->fail("more than gravity, 9.81 m/s^2, upwards when tilted");
+  }
   return limits;
 }
 
@@ -197,8 +213,16 @@ ordered_json to_json(const Space& box) {
   return {{"min", array(box.min)}, {"max", array(box.max)}};
 }
 
-ordered_json to_json(const RobotLimits& limits) {
-  return {{"speed", limits.speed_mps}, {"acceleration", limits.acceleration_mps2}};
+ordered_json to_json(const MotionLimits& limits) {
+  ordered_json json = {{"speed", limits.v_max_mps}};
+  if (limits.limits_thrust()) {
+    const auto& [least_mps2, most_mps2, tilt_deg] = limits.thrust;
+    json["thrust"] = {{"min", least_mps2}, {"max", most_mps2}, {"tilt", tilt_deg}};
+  } else {
+    json["acceleration"] = limits.a_max_mps2;
+  }
+  if (limits.limits_jerk()) json["jerk"] = limits.j_max_mps3;
+  return json;
 }
 
 ordered_json to_json(const Waypoint& waypoint) {

@@ -40,7 +40,7 @@ class Oracle {
         Node next = node;
         ++next.depth;
         next.order = order++;
-        if (!fly(from_s + node.depth * kStep_s, world_.limits.acceleration_mps2 * signs, &next)) continue;
+        if (!fly(from_s + node.depth * kStep_s, world_.limits.a_max_mps2 * signs, &next)) continue;
         if (seen.insert(key(next)).second) open.push(next);
       }
     }
@@ -74,7 +74,7 @@ class Oracle {
     for (int i = 1; i <= kChecks; ++i) {
       const double h = kStep_s / kChecks;
       const Eigen::Vector3d before = node->velocity;
-      node->velocity = (before + h * acceleration).cwiseMin(world_.limits.speed_mps).cwiseMax(-world_.limits.speed_mps);
+      node->velocity = (before + h * acceleration).cwiseMin(world_.limits.v_max_mps).cwiseMax(-world_.limits.v_max_mps);
       node->position += h / 2 * (before + node->velocity);
       if (node->position.z() < radius) return false;
       const double t = t_s + i * h;

@@ -110,7 +110,7 @@ void check_plan(const PlanResult& result, const PlanRequest& request, const Plan
   for (Utime t = plan.start_utime(); t < plan.end_utime(); t += 1ms) {
     const MotionState state = plan.at(t);
     ASSERT_LE(state.velocity.cwiseAbs().maxCoeff(), 1.01 * config.limits.v_max_mps) << (t - plan.start_utime()).count();
-    ASSERT_LE(state.acceleration.cwiseAbs().maxCoeff(), 1.006 * config.limits.a_max_mps2)
+    ASSERT_LE(state.acceleration.cwiseAbs().maxCoeff(), 1.006 * config.limits.axis_mps2().maxCoeff())
         << (t - plan.start_utime()).count();
   }
   ASSERT_TRUE(result.search_status != SearchStatus::kPartial || result.outcome == PlanOutcome::kUnsafe);
@@ -230,6 +230,34 @@ TEST(PlannerTest, FindsTheGapInAWall) {
   for (const MotionState& state : flight.states)
     least = std::min(least, distance_to_occupied(sogm, 0, state.position, 0.5));
   EXPECT_GT(least, 0.2);
+}
+
+// Through the gap, with what a body of limited tilt and jerk can do.
+TEST(PlannerTest, FliesWithinJerkAndThrust) {
+  PlannerConfig config = flat_config();
+  config.limits.kind = "thrust";
+  config.limits.thrust = {4.0, 16.0, 30.0};
+  config.limits.j_max_mps3 = 40.0;
+  const Vector3d goal(2.5, -0.5, 0.02);
+  const auto wall = [](double, Sogm* sogm) {
+    mark_box(sogm, {0.0, -9, -9}, {0.2, 0.4, 9});
+    mark_box(sogm, {0.0, 1.6, -9}, {0.2, 9, 9});
+  };
+  Flight flight{hovering({-2.5, -0.5, 0.02}), {}};
+  ASSERT_NO_FATAL_FAILURE(flight.run(config, goal, 8.0, wall));
+  EXPECT_EQ(flight.unsafe, 0);
+  EXPECT_GT(flight.smooth, 3 * flight.raw);
+  EXPECT_LT(flight.arrival_s(goal), 8.0);
+  double most_tilt_deg = 0.0, most_mps3 = 0.0;
+  for (const MotionState& state : flight.states) {
+    const Vector3d thrust = state.acceleration + Vector3d(0, 0, 9.81);
+    most_tilt_deg = std::max(most_tilt_deg, std::acos(thrust.z() / thrust.norm()) * 180.0 / M_PI);
+    most_mps3 = std::max(most_mps3, state.jerk.cwiseAbs().maxCoeff());
+  }
+  EXPECT_LT(most_tilt_deg, 30.2);
+  EXPECT_GT(most_tilt_deg, 20.0);
+  EXPECT_LT(most_mps3, 1.01 * 40.0);
+  EXPECT_GT(most_mps3, 20.0);
 }
 
 TEST(PlannerTest, LetsAMovingColumnPass) {

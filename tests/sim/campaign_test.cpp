@@ -249,7 +249,9 @@ TEST_F(Campaign, ObstaclesMayAccelerate) {
   EXPECT_EQ(trial.world().obstacles.at(0).acceleration_mps2, 1.0);
   const auto rows = read_results(out_);
   ASSERT_EQ(rows.size(), 1u);
-  EXPECT_EQ(cell(rows[0], "command"), trial.command({.time_limit_s = 0.5}));
+  FlightArguments arguments;
+  arguments.time_limit_s = 0.5;
+  EXPECT_EQ(cell(rows[0], "command"), trial.command(arguments));
   EXPECT_NE(cell(rows[0], "command").find(" --obstacle-acceleration 1 -o trial.json && "), std::string::npos)
       << cell(rows[0], "command");
   const Finished mixed = run_program(command, 60);

@@ -67,8 +67,7 @@ World circle(int robots, double radius_m, int obstacles, std::uint64_t seed) {
 // Continuous, within the limits, from start to goal.
 void expect_flyable(const Flight& flight) {
   const auto trace = read_trace(flight.directory / "trace.csv");
-  const double v_max_mps = 1.01 * flight.world.limits.speed_mps,
-               a_max_mps2 = 1.01 * flight.world.limits.acceleration_mps2;
+  const double v_max_mps = 1.01 * flight.world.limits.v_max_mps, a_max_mps2 = 1.01 * flight.world.limits.a_max_mps2;
   ASSERT_EQ(trace.size(), flight.world.robots.size());
   for (const WorldRobot& robot : flight.world.robots) {
     const std::vector<Row>& rows = trace.at(robot.id);
@@ -244,13 +243,38 @@ TEST(Lockstep, FliesAroundTheStaticMap) {
   }
 }
 
+// Robots of limited jerk and tilt, among obstacles: what is flown keeps both.
+TEST(Lockstep, FliesWithinJerkAndThrust) {
+  World world = circle(4, 4.0, 10, 3);
+  world.limits.j_max_mps3 = 50.0;
+  world.limits.kind = "thrust";
+  world.limits.thrust = {4.0, 18.0, 35.0};
+  FlightOptions options;
+  options.time_limit_s = 20.0;
+  const Flight flight(world, options);
+  EXPECT_EQ(flight.report.outcome, Outcome::kSuccess) << summary_table(flight.report);
+  double most_mps3 = 0.0, most_tilt_deg = 0.0;
+  for (const auto& [id, rows] : read_trace(flight.directory / "trace.csv")) {
+    for (std::size_t i = 1; i < rows.size(); ++i) {
+      most_mps3 = std::max(most_mps3, (rows[i].acceleration - rows[i - 1].acceleration).cwiseAbs().maxCoeff() /
+                                          (rows[i].t_s - rows[i - 1].t_s));
+      const Eigen::Vector3d thrust = rows[i].acceleration + Eigen::Vector3d(0, 0, 9.81);
+      most_tilt_deg = std::max(most_tilt_deg, std::acos(thrust.z() / thrust.norm()) * 180.0 / M_PI);
+    }
+  }
+  EXPECT_LT(most_mps3, 1.02 * 50.0);
+  EXPECT_GT(most_mps3, 35.0);
+  EXPECT_LT(most_tilt_deg, 35.2);
+  EXPECT_GT(most_tilt_deg, 30.0);
+}
+
 // From rest before a board: too many weak accelerations for the search's budget lead past its edge.
 TEST(Lockstep, FliesAroundABoardFromRest) {
   for (const double limit : {1.0, 2.0}) {
     TemporaryDirectory directory;
     World world = circle(2, 2.0, 0, 1);
     world.robots.resize(1);
-    world.limits.speed_mps = world.limits.acceleration_mps2 = limit;
+    world.limits.v_max_mps = world.limits.a_max_mps2 = limit;
     world.robots[0].start = {-0.45, 0, 1};
     world.robots[0].mission = {{{1.0, 0, 1}}};
     world.walls.push_back({{-0.1, -0.3, 0}, {0.1, 0.3, 4}});

@@ -69,8 +69,8 @@ TEST(WorldJson, ReadsEveryField) {
   EXPECT_EQ(world.name, "good");
   EXPECT_EQ(world.space.max, Eigen::Vector3d(8, 8, 4));
   EXPECT_EQ(world.obstacle_bounds.min, Eigen::Vector2d(-8, -8));
-  EXPECT_EQ(world.limits.speed_mps, 2.0);
-  EXPECT_EQ(world.limits.acceleration_mps2, 6.0);
+  EXPECT_EQ(world.limits.v_max_mps, 2.0);
+  EXPECT_EQ(world.limits.a_max_mps2, 6.0);
   EXPECT_EQ(world.sensing_radius_m, 5.0);
   EXPECT_TRUE(world.static_map.empty());
   ASSERT_EQ(world.robots.size(), 2u);
@@ -135,6 +135,13 @@ TEST(WorldJson, RefusesBadInputWithOneClearLine) {
       {"\"speed\": 2", "\"speed\": \"2\"", "limits.speed: \"2\" must be a number in (0, 100]"},
       {"\"speed\": 2", "\"speed\": true", "limits.speed: true must be a number in (0, 100]"},
       {"\"acceleration\": 6.0", "\"acceleration\": -6", "limits.acceleration: -6 must be a number in (0, 1000]"},
+      {"\"acceleration\": 6.0", "\"acceleration\": 6.0, \"jerk\": 0", "limits.jerk: 0 must be a number in (0, 1e+05]"},
+      {"\"acceleration\": 6.0", R"("acceleration": 6.0, "thrust": {"min": 2, "max": 20, "tilt": 45})",
+       "limits.acceleration: 6.0 must be absent where there is thrust"},
+      {"\"acceleration\": 6.0", R"("thrust": {"min": 2, "max": 20})",
+       "limits.thrust.tilt: is missing and must be given"},
+      {"\"acceleration\": 6.0", R"("thrust": {"min": 2, "max": 12, "tilt": 45})",
+       R"(limits.thrust: {"max":12,"min":2,"tilt":45} must be more than gravity, 9.81 m/s^2, upwards when tilted)"},
       {"{\"speed\": 2, \"acceleration\": 6.0}", "[2, 6]", "limits: [2,6] must be an object"},
       {"\"limits\"", "\"obstacle_bounds\": {\"min\": [1,1], \"max\": [0,2]}, \"limits\"",
        "obstacle_bounds: {\"max\":[0,2],\"min\":[1,1]} must be a box with min below max along every axis"},
@@ -276,9 +283,15 @@ TEST(WorldFiles, WritingReadsBackAsTheSameWorld) {
     world.space = {{-9 + unit(random), -9 + unit(random), unit(random) - 1},
                    {9 + unit(random), 9 + unit(random), 5 + unit(random)}};
     world.obstacle_bounds = {{-7 + unit(random), -7}, {7 + unit(random), 7}};
-    world.limits.speed_mps = 2 + unit(random);
+    world.limits.v_max_mps = 2 + unit(random);
     world.sensing_radius_m = 2 + unit(random);
     if (unit(random) < 0) world.robots[0].limits = {1 + 0.5 * unit(random), 3 + unit(random)};
+    if (unit(random) < 0) world.limits.j_max_mps3 = 50 + 10 * unit(random);
+    if (unit(random) < 0) {
+      world.limits.kind = "thrust";
+      world.limits.a_max_mps2 = MotionLimits().a_max_mps2;
+      world.limits.thrust = {2 + unit(random), 20 + unit(random), 40 + unit(random)};
+    }
     for (WorldObstacle& obstacle : world.obstacles) {
       obstacle.shape.size *= 1 + 0.1 * unit(random);
       const bool on_ground = unit(random) < 0 && obstacle.shape.kind == Shape::Kind::kColumn;

@@ -71,8 +71,9 @@ struct Kept {
 // Robot `id` at (0, 0, 1), which has heard robots 0, 1 and 2 hover 10 m apart, itself excepted.
 class Robot : public Kept, public Bench<BroadcastNode> {
  public:
-  explicit Robot(int id, bool started = true, MemoryPromiseStore store = {}, std::int32_t boot = kBoot)
-      : Kept{store}, Bench(make_config(id), promises, boot), id_(id) {
+  explicit Robot(int id, bool started = true, MemoryPromiseStore store = {}, std::int32_t boot = kBoot,
+                 const MotionLimits& limits = {})
+      : Kept{store}, Bench(make_config(id, limits), promises, boot), id_(id) {
     for (int other = 0; other < 3; ++other) {
       if (other != id) peers.emplace(other, Peer{other, Trajectory::hover(1, kStart, {10.0 + 10 * other, 0, 1})});
     }
@@ -80,8 +81,9 @@ class Robot : public Kept, public Bench<BroadcastNode> {
     send_state();
     for (auto& [other, peer] : peers) hear(other);
   }
-  static BroadcastConfig make_config(int id) {
+  static BroadcastConfig make_config(int id, const MotionLimits& limits = {}) {
     BroadcastConfig config;
+    config.limits = limits;
     config.robot_id = id;
     config.roster = {0, 1, 2};
     config.swarm_rate_hz = 1e9;

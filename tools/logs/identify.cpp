@@ -121,6 +121,19 @@ void write_csv(const std::string& path, const std::vector<RecordedFlight>& fligh
   if (!file) throw std::runtime_error(path + ": cannot be written");
 }
 
+// What the attitude can follow: an axis that accelerates as fast as in these flights has as much more to turn the
+// thrust with as is left until the robot is tilted by 45 degrees, and jerk needs the attitude's lag times itself of
+// that.
+double flyable_jerk(const std::vector<RecordedFlight>& flights, double attitude_lag_s) {
+  constexpr double kGravity_mps2 = 9.81, kLeast_mps3 = 20.0, kMost_mps3 = 500.0;
+  double most_mps2 = 0.0;
+  for (const RecordedFlight& flight : flights) {
+    for (const RecordedFlight::Setpoint& setpoint : flight.setpoints)
+      most_mps2 = std::max(most_mps2, setpoint.told.acceleration.cwiseAbs().maxCoeff());
+  }
+  return std::clamp((kGravity_mps2 - most_mps2) / std::max(attitude_lag_s, 1e-3), kLeast_mps3, kMost_mps3);
+}
+
 int identify_command(int argc, const char* const* argv) {
   std::vector<std::string> paths;
   VehicleFit told_with;
@@ -164,12 +177,13 @@ int identify_command(int argc, const char* const* argv) {
     throw std::runtime_error("these flights do not tell " + unknown +
                              ": fly faster, with changes of direction, in calm air (tools/deploy/README.md)");
   }
+  const double jerk_mps3 = flyable_jerk(flights, found.value.attitude_lag_s);
   const double off_m = kPrediction * (found.fitted_p99_m + 2.0 * found.position_noise_m);
   std::cout << "\nmavlink_bridge.cfg\n  lead = " << fixed(found.fit.lead_s, 3)
             << "\n  lag = " << fixed(found.fit.lag_s, 3) << "\n  drag = " << fixed(found.fit.drag_per_s, 2)
             << "\nplanner_daemon.cfg\n  clearance = " << fixed(std::max(0.05, std::ceil(100 * (off_m - 0.05)) / 100), 2)
-            << "\nbroadcast_daemon.cfg\n  error-bound = " << fixed(std::max(0.3, std::ceil(100 * 2 * off_m) / 100), 2)
-            << std::endl;
+            << "\n  j-max = " << fixed(jerk_mps3, 0) << "\nbroadcast_daemon.cfg\n  j-max = " << fixed(jerk_mps3, 0)
+            << "\n  error-bound = " << fixed(std::max(0.3, std::ceil(100 * 2 * off_m) / 100), 2) << std::endl;
   return 0;
 }
 

@@ -193,6 +193,13 @@ TEST(BroadcastNode, RejectsCandidatesByReason) {
   const Utime soon = robot.now + 100ms;
   const Trajectory leap = quintic_to(robot.node.motion()->at(soon), soon, {1, 0, 1}, 0.01, 1);
   expect_rejected(robot, Rejection::kLimits, leap);  // 188 m/s, but at rest at both knots
+  Robot gentle(0, true, {}, kBoot, {.j_max_mps3 = 20.0});
+  expect_rejected(gentle, Rejection::kLimits, gentle.plan({0.4, 0, 1}, 0.1, 1.0));  // 24 m/s^3
+  MotionLimits upright;
+  upright.kind = "thrust";
+  upright.thrust.tilt_deg = 20.0;
+  Robot stiff(0, true, {}, kBoot, upright);
+  expect_rejected(stiff, Rejection::kLimits, stiff.plan({0, 2.7, 1}, 0.1, 2.0));  // 3.9 m/s^2: 21.6 degrees
   robot.peers.at(1).committed = Trajectory::hover(2, kStart, {10, 0, 1});
   robot.hear(1);
   expect_rejected(robot, Rejection::kConflict, robot.plan({9.7, 0, 1}, 0.1, 9.8));

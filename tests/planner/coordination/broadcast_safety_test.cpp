@@ -29,8 +29,8 @@ class RandomSwarm {
       config.robot_id = i;
       config.roster = roster;
       config.radius_m = uniform(0.1, 0.3);
-      config.v_max_mps = 100;
-      config.a_max_mps2 = 1000;
+      config.limits.v_max_mps = 100;
+      config.limits.a_max_mps2 = 1000;
       robots_.push_back(std::make_unique<Member>(*this, i, config));
       links_.emplace_back();
       for (int j = 0; j < robots; ++j) {

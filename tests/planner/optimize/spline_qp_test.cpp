@@ -32,6 +32,7 @@ struct AxisModel {
     position = MatrixXd::Zero(pieces * (n + 1), size);
     velocity = MatrixXd::Zero(pieces * n, size);
     acceleration = MatrixXd::Zero(pieces * (n - 1), size);
+    jerk_points = MatrixXd::Zero(pieces * (n - 2), size);
     jerk = MatrixXd::Zero(pieces * (kIntervals + 1), size);
     Eigen::RowVectorXd p = Eigen::RowVectorXd::Unit(size, 0), v = Eigen::RowVectorXd::Unit(size, 1);
     for (int k = 0; k < pieces; ++k) {
@@ -45,12 +46,12 @@ struct AxisModel {
         position.row(k * (n + 1) + j) = p;
         if (j < n) p += h / n * velocity.row(k * n + j);
       }
+      jerk_points.middleRows(k * (n - 2), n - 2) =
+          (n - 2) / h * (acceleration.middleRows(k * (n - 1) + 1, n - 2) - acceleration.middleRows(k * (n - 1), n - 2));
       for (int i = 0; i <= kIntervals; ++i) {
         const double s = static_cast<double>(i) / kIntervals;
         const double weight = (i == 0 || i == kIntervals ? 1.0 : 2.0 + 2.0 * (i % 2)) * h / (3.0 * kIntervals);
-        MatrixXd points =
-            (n - 2) / h *
-            (acceleration.middleRows(k * (n - 1) + 1, n - 2) - acceleration.middleRows(k * (n - 1), n - 2));
+        MatrixXd points = jerk_points.middleRows(k * (n - 2), n - 2);
         for (int level = n - 3; level > 0; --level) {
           points.topRows(level) = ((1.0 - s) * points.topRows(level) + s * points.middleRows(1, level)).eval();
         }
@@ -63,7 +64,7 @@ struct AxisModel {
   }
   static constexpr int kIntervals = 160;
   int degree, pieces, size;
-  MatrixXd position, velocity, acceleration, jerk, ends;
+  MatrixXd position, velocity, acceleration, jerk_points, jerk, ends;
 };
 
 using Curve = Eigen::Matrix<double, Eigen::Dynamic, 3>;  // x of each axis
@@ -97,6 +98,17 @@ Constraints constraints_of(const SplineProblem& problem, const AxisModel& model)
     };
     add_box(model.velocity, problem.v_max_mps);
     add_box(model.acceleration, problem.a_max_mps2);
+    if (problem.j_max_mps3 > 0.0) add_box(model.jerk_points, problem.j_max_mps3);
+  }
+  for (int f = 0; f < problem.accelerations.num_faces(); ++f) {
+    for (int i = 1; i + 1 < model.acceleration.rows(); ++i) {  // but for the ends
+      rows.push_back(VectorXd(3 * n));
+      for (int axis = 0; axis < 3; ++axis) {
+        rows.back().segment(axis * n, n) =
+            problem.accelerations.normals(f, axis) * model.acceleration.row(i).transpose();
+      }
+      bounds.push_back(problem.accelerations.offsets(f));
+    }
   }
   for (int k = 0; k < model.pieces; ++k) {
     const Polytope& corridor = problem.corridors[k];
@@ -321,6 +333,57 @@ TEST(SplineQp, MeetsTheOptimalityConditions) {
     with_active_rows += solution.iterations > 3;
   }
   EXPECT_GT(with_active_rows, 30);
+}
+
+// The same with jerks and what thrust allows.
+TEST(SplineQp, MeetsTheOptimalityConditionsWithinJerkAndThrust) {
+  std::mt19937 rng(21);
+  int by_jerk = 0, by_thrust = 0;
+  for (int trial = 0; trial < 60; ++trial) {
+    RandomProblem random(&rng, 4 + trial % 2, 2 + trial % 7, trial % 6, 0.2 + trial % 3 * 0.2);
+    const AxisModel model(random.degree, random.durations);
+    if (trial % 3 != 1) {
+      const Curve accelerations = model.acceleration * random.reference;
+      for (int f = 0; f < 20; ++f) {
+        const Vector3d n = direction(&rng);
+        add_face(&random.problem.accelerations, n, (accelerations * n).maxCoeff() + uniform(&rng, 0.0, 0.03));
+      }
+    }
+    SCOPED_TRACE("trial " + std::to_string(trial) + "\n" + random.text());
+    SplineQp qp(random.degree, random.durations);
+    SplineSolution solution;
+    if (trial % 3 != 0) {  // less than it takes without a bound
+      ASSERT_EQ(qp.solve(random.problem, &solution), SplineStatus::kSolved);
+      for (int k = 0; k < model.pieces; ++k) {
+        const Eigen::Matrix3Xd points = solution.control_points.middleCols(k * (model.degree + 1), model.degree + 1);
+        Eigen::Matrix3Xd steps = points;
+        for (int level = 0; level < 3; ++level)
+          steps = (steps.rightCols(steps.cols() - 1) - steps.leftCols(steps.cols() - 1)).eval();
+        const double scale = model.degree * (model.degree - 1) * (model.degree - 2) / std::pow(random.durations[k], 3);
+        random.problem.j_max_mps3 = std::max(random.problem.j_max_mps3, 0.95 * scale * steps.cwiseAbs().maxCoeff());
+      }
+    }
+    const SplineStatus status = qp.solve(random.problem, &solution);
+    const bool certificate = has_infeasibility_certificate(constraints_of(random.problem, model));
+    ASSERT_EQ(status, certificate ? SplineStatus::kInfeasible : SplineStatus::kSolved);
+    if (certificate) continue;
+    expect_valid(random.problem, random.degree, random.durations, solution);
+    EXPECT_LT(kkt_residual(random.problem, random.degree, random.durations, solution), 1e-5);
+    // And it costs more than without them.
+    const double cost = solution.jerk_integral;
+    SplineProblem freer = random.problem;
+    freer.j_max_mps3 = 0.0;
+    ASSERT_EQ(qp.solve(freer, &solution), SplineStatus::kSolved);
+    EXPECT_LE(solution.jerk_integral, cost * (1 + 1e-6));
+    by_jerk += solution.jerk_integral < cost * (1 - 1e-4);
+    const double without_jerk = solution.jerk_integral;
+    freer.accelerations = {};
+    ASSERT_EQ(qp.solve(freer, &solution), SplineStatus::kSolved);
+    EXPECT_LE(solution.jerk_integral, without_jerk * (1 + 1e-6));
+    by_thrust += solution.jerk_integral < without_jerk * (1 - 1e-4);
+  }
+  EXPECT_GT(by_jerk, 5);
+  EXPECT_GT(by_thrust, 5);
 }
 
 TEST(SplineQp, NoFeasibleNeighbourIsCheaper) {

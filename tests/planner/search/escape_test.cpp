@@ -75,5 +75,28 @@ TEST(EscapeSearchTest, TheWayOutViolatesLeast) {
   EXPECT_GT(touched_at_rest, 20 * 50);
 }
 
+// With limited jerk the acceleration of a manoeuvre grows from primitive to primitive.
+TEST(EscapeSearchTest, GetsAwayWithinItsJerk) {
+  SearchLimits limits;
+  limits.j_max_mps3 = 40.0;
+  SearchOptions options;
+  EscapeSearch search(limits, options);
+  Sogm occupied = empty_map({6, 6, 3}, 0.1, 20, kStart, 100ms);
+  mark_moving(&occupied, {-1.2, 0.05, 0.0}, {1.0, 0, 0}, 0.3, true);
+  const Scene scene(occupied);
+  const SearchProblem problem = scene.problem(at_rest({0, 0, 0}), kStart, {-3, 0, 0});
+  SearchResult result;
+  search.find(problem, &result);
+  double fastest_mps2 = 0.0;
+  const double tau = to_seconds(options.piece);
+  for (double t = 0.0; t < tau * result.num_pieces; t += 0.001) {
+    const MotionState state = state_at(result, tau, t);
+    EXPECT_FALSE(occupied_at(scene.collision, state.position, kStart + to_duration(t))) << t;
+    ASSERT_LE(state.jerk.cwiseAbs().maxCoeff(), limits.j_max_mps3 + 1e-6) << t;
+    fastest_mps2 = std::max(fastest_mps2, state.acceleration.cwiseAbs().maxCoeff());
+  }
+  EXPECT_GT(fastest_mps2, 4.5);  // a primitive changes it by 4 m/s^2
+}
+
 }  // namespace
 }  // namespace swarm

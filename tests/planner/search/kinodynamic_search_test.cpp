@@ -37,7 +37,7 @@ void check_path(const SearchResult& result, SearchStatus status, const Scene& sc
   for (double t = 0.0; t < result.num_pieces * tau; t += 0.001) {
     const MotionState state = state_at(result, tau, t);
     ASSERT_LE(state.velocity.cwiseAbs().maxCoeff(), limits.v_max_mps + 1e-8) << "at " << t << " s";
-    ASSERT_LE(state.acceleration.cwiseAbs().maxCoeff(), limits.a_max_mps2 + 1e-8) << "at " << t << " s";
+    ASSERT_TRUE(limits.can_follow(state, 1.0 + 1e-8)) << state << " at " << t << " s";
   }
   Utime free_until = kNever;
   ASSERT_EQ(result.left_blocked, occupied_at(scene.blocked, problem.start.position, problem.start_utime));
@@ -103,6 +103,42 @@ TEST(KinodynamicSearchTest, KeepsLimitsInEmptySpaceAndArrivesInTime) {
     }
   }
   EXPECT_GT(arrivals, 25);
+}
+
+// From wherever its own paths lead, also between two knots, a robot whose jerk and thrust are limited finds paths that
+// keep these limits, and comes to rest at the goal.
+TEST(KinodynamicSearchTest, KeepsJerkAndThrust) {
+  Rng rng(9);
+  const Scene scene(empty_map({40, 40, 40}, 0.5, 1, kStart, 200ms));
+  for (int trial = 0; trial < 60; ++trial) {
+    SearchLimits limits;
+    limits.v_max_mps = uniform(rng, 1.0, 2.0);
+    if (trial % 3 != 0) limits.j_max_mps3 = uniform(rng, 30.0, 80.0);
+    if (trial % 3 != 1) {
+      limits.kind = "thrust";
+      limits.thrust = {uniform(rng, 1.0, 4.0), uniform(rng, 20.0, 30.0), uniform(rng, 30.0, 50.0)};
+    }
+    SearchOptions options;
+    const double tau = to_seconds(options.piece);
+    KinodynamicSearch search(limits, options);
+    SearchResult result;
+    MotionState state = at_rest(in_cube(rng, 5.0));
+    const Vector3d goal = state.position + in_cube(rng, 3.0);
+    SearchStatus status = SearchStatus::kPartial;
+    for (int plan = 0; plan < 100 && (status != SearchStatus::kGoal || result.num_pieces > 1); ++plan) {
+      const SearchProblem problem = scene.problem(state, kStart, goal);
+      status = search.find(problem, &result);
+      SCOPED_TRACE(testing::Message() << "trial " << trial << ", plan " << plan << ": v " << limits.v_max_mps << ", j "
+                                      << limits.j_max_mps3 << ", " << limits.kind << ' ' << limits.tilt_slope() << ": "
+                                      << describe(problem, result, status));
+      SearchLimits tolerant = limits;
+      tolerant.v_max_mps *= 1.005;  // a plan may leave another one while that still accelerates
+      ASSERT_NO_FATAL_FAILURE(check_path(result, status, scene, problem, tolerant, options));
+      ASSERT_NE(status, SearchStatus::kPartial);
+      state = state_at(result, tau, std::min(uniform(rng, 0.02, 0.3), result.num_pieces * tau));
+    }
+    EXPECT_EQ(status, SearchStatus::kGoal) << trial;
+  }
 }
 
 // ---- random maps

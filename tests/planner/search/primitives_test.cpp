@@ -126,6 +126,48 @@ TEST(PrimitivesTest, SamplesLieAtMostAVoxelApart) {
   }
 }
 
+// Whatever state a robot with limited jerk came to, it brakes to rest in the time that was kept for it.
+TEST(PrimitivesTest, BrakesWithinJerkAndThrust) {
+  Rng rng(6);
+  for (int trial = 0; trial < 40; ++trial) {
+    SearchLimits limits;
+    if (trial % 3 != 0) limits.j_max_mps3 = uniform(rng, 25.0, 120.0);
+    if (trial % 3 != 1) limits.kind = "thrust";
+    Primitives primitives(limits, SearchOptions{});
+    primitives.lay_out(empty_map({64, 64, 64}, 1.0, 1, kStart, 100ms).geometry, {limits.space_min, limits.space_max},
+                       limits.v_max_mps);
+    const double tau = primitives.tau_s(), step = limits.j_max_mps3 > 0.0 ? limits.j_max_mps3 * tau / 2 : INFINITY;
+    for (int walk = 0; walk < 50; ++walk) {
+      MotionState state = at_rest({0, 0, 0});
+      for (int k = 0; k < 8; ++k) {  // somewhere, by what the axes offer
+        Vector3d a1;
+        for (int axis = 0; axis < 3; ++axis) {
+          AxisOptions options;
+          primitives.axis_options(axis, state, true, &options);
+          ASSERT_GT(options.count, 0);
+          a1[axis] = options.option[static_cast<std::size_t>(uniform_int(rng, 0, options.count - 1))].acceleration;
+          ASSERT_LE(std::abs(a1[axis] - state.acceleration[axis]), step);
+        }
+        if (!primitives.can_tilt(a1.x(), a1.y(), a1.z())) continue;
+        state = primitives.propagate(state, a1);
+        ASSERT_LE(state.velocity.cwiseAbs().maxCoeff(), limits.v_max_mps + 1e-9);
+      }
+      const MotionState from = state;
+      const Vector3d level = primitives.brake_level(from);
+      for (int k = 1; k <= primitives.brake_pieces(); ++k) {
+        const Vector3d a1 = primitives.brake_acceleration(k, from, level);
+        ASSERT_LE((a1 - state.acceleration).cwiseAbs().maxCoeff(), step) << from << ", piece " << k;
+        ASSERT_TRUE((a1.cwiseAbs().array() <= limits.axis_mps2().array()).all()) << from << ", piece " << k;
+        ASSERT_TRUE(primitives.can_tilt(a1.x(), a1.y(), a1.z())) << from << ", piece " << k;
+        state = primitives.propagate(state, a1);
+        ASSERT_LE(state.velocity.cwiseAbs().maxCoeff(), limits.v_max_mps + 1e-9) << from << ", piece " << k;
+      }
+      EXPECT_LT(state.velocity.norm(), 1e-9);
+      EXPECT_LT(state.acceleration.norm(), 1e-9);
+    }
+  }
+}
+
 // In the middle of a piece the acceleration may be too large for the speed: it is taken back at once.
 TEST(PrimitivesTest, AStartThatStillRisesHardlyPassesTheSpeedLimit) {
   Rng rng(8);

@@ -168,7 +168,7 @@ TEST(TrajectoryTest, KnotsAreRoundedToWhatTheWireCarries) {
 TEST(TrajectoryTest, BrakesToRestWithinTheLimit) {
   for (const double a_max_mps2 : {0.5, 6.0}) {
     const Eigen::Vector3d place(1, -2, 1.5), velocity(1.5, -0.3, -0.7);
-    const Trajectory braking = Trajectory::braking(7, kStart, place, velocity, a_max_mps2);
+    const Trajectory braking = Trajectory::braking(7, kStart, place, velocity, {.a_max_mps2 = a_max_mps2});
     EXPECT_EQ(braking.seq(), 7);
     EXPECT_LT((braking.at(kStart).position - place).norm(), 1e-6);
     EXPECT_LT((braking.at(kStart).velocity - velocity).norm(), 1e-6);
@@ -182,8 +182,8 @@ TEST(TrajectoryTest, BrakesToRestWithinTheLimit) {
     EXPECT_NEAR(most_mps2, a_max_mps2, 0.01 * a_max_mps2);
     EXPECT_EQ(braking.at(braking.end_utime()).velocity, Eigen::Vector3d::Zero());
   }
-  EXPECT_EQ(Trajectory::braking(1, kStart, {0, 0, 1}, {0, 0, 0}, 6.0).end_utime(), kStart + 100ms);
-  EXPECT_EQ(Trajectory::braking(1, kStart, {0, 0, 1}, {100, 0, 0}, 0.01).end_utime(), kStart + 5s);
+  EXPECT_EQ(Trajectory::braking(1, kStart, {0, 0, 1}, {0, 0, 0}, {.a_max_mps2 = 6.0}).end_utime(), kStart + 100ms);
+  EXPECT_EQ(Trajectory::braking(1, kStart, {0, 0, 1}, {100, 0, 0}, {.a_max_mps2 = 0.01}).end_utime(), kStart + 5s);
 }
 
 TEST(TrajectoryTest, ClampsBeforeTheStartAndHoversAfterTheEnd) {
