@@ -35,7 +35,7 @@ class Bench : public NodeBench<Bench, BroadcastNode> {
     last_setpoint_ = elapsed;
     const Eigen::Vector3d velocity(setpoint.velocity);
     // Candidates are looked at every few milliseconds, not everywhere.
-    expect(velocity.cwiseAbs().maxCoeff() < 1.01 * config().v_max_mps + 0.1, "no setpoint is too fast");
+    expect(velocity.cwiseAbs().maxCoeff() < 1.01 * config().limits.v_max_mps + 0.1, "no setpoint is too fast");
   }
   void hear(const sogm_swarm::broadcast_status_t&) { last_status_ = elapsed; }
   void hear(const announcement_t& message) {
