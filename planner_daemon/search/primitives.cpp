@@ -81,7 +81,8 @@ double most_while_braking(int n, double tau, double v_max, double a_usable, doub
   if (std::isinf(step)) return v_max / (tau * (n - 1));
   double most = 0.0;
   for (int i = -kStates; i <= kStates; ++i) {
-    const double a = a_usable * i / kStates, v = std::max(0.0, v_max - tau * ramp_gain(std::abs(a), step));
+    const double a = a_usable * i / kStates, v = v_max - tau * ramp_gain(std::abs(a), step);
+    if (v < 0.0) continue;  // so slow a robot does not come to accelerate so fast
     if (std::abs(a) > n * step) return std::numeric_limits<double>::infinity();
     const double level = brake_level(n, tau, v, a, step);
     double missing = -(v + tau / 3 * a) / tau;
@@ -93,6 +94,32 @@ double most_while_braking(int n, double tau, double v_max, double a_usable, doub
     if (std::abs(missing) > 1e-9) return std::numeric_limits<double>::infinity();
   }
   return most;
+}
+
+// Of the most pieces that there may be, one is left besides braking.
+bool can_brake_within_most(const SearchLimits& limits, Duration piece) {
+  return Primitives::brake_pieces(limits, piece) < Trajectory::kMaxPieces;
+}
+
+// Shortest one that does, in milliseconds, and highest speed in cm/s: what the message advises.
+Duration shortest_piece(const SearchLimits& limits, Duration piece) {
+  constexpr Duration kStep = 1ms, kLongest = 100s;
+  Duration low = kStep, high = can_brake_within_most(limits, piece) ? piece : kLongest;
+  while (high - low > kStep) {
+    const Duration middle = (low + high) / 2 / kStep * kStep;
+    (can_brake_within_most(limits, middle) ? high : low) = middle;
+  }
+  return high;
+}
+double highest_speed(SearchLimits limits, Duration piece) {
+  constexpr double kStep_mps = 0.01;
+  int low = 0, high = static_cast<int>(std::ceil(limits.v_max_mps / kStep_mps)) + 1;
+  while (high - low > 1) {
+    const int middle = (low + high) / 2;
+    limits.v_max_mps = middle * kStep_mps;
+    (can_brake_within_most(limits, piece) ? low : high) = middle;
+  }
+  return low * kStep_mps;
 }
 
 }  // namespace
@@ -120,15 +147,14 @@ Primitives::Primitives(const SearchLimits& limits, const SearchOptions& options)
       max_depth_(options.num_pieces - brake_pieces_),
       v_max_mps_(limits.v_max_mps) {
   if (options.num_pieces > Trajectory::kMaxPieces || max_depth_ < 1) {
-    // To brake from within the most.
-    const double most_mps = (Trajectory::kMaxPieces - 2) * tau_s_ * kUsable * limits.stopping_mps2();
-    throw std::invalid_argument("horizon: " + std::to_string(options.num_pieces) + " pieces of " + fixed(tau_s_, 3) +
-                                " s; must be at least " + std::to_string(brake_pieces_ + 1) + " (braking from " +
-                                text_of(limits.v_max_mps) + " m/s at " + text_of(limits.stopping_mps2()) +
-                                " m/s^2 takes " + std::to_string(brake_pieces_) + ") and at most " +
-                                std::to_string(Trajectory::kMaxPieces) + ": of so many, pieces of " +
-                                fixed(tau_s_ * limits.v_max_mps / most_mps, 3) + " s or more do, or a speed of " +
-                                fixed(most_mps, 2) + " m/s or less");
+    const Duration enough = shortest_piece(limits, options.piece);
+    const double slow_mps = highest_speed(limits, options.piece);
+    throw std::invalid_argument(
+        "horizon: " + std::to_string(options.num_pieces) + " pieces of " + fixed(tau_s_, 3) + " s; must be at least " +
+        std::to_string(brake_pieces_ + 1) + " (braking from " + text_of(limits.v_max_mps) + " m/s at " +
+        fixed(limits.stopping_mps2(), 2) + " m/s^2 takes " + std::to_string(brake_pieces_) + ") and at most " +
+        std::to_string(Trajectory::kMaxPieces) + ": of so many, pieces of " + fixed(to_seconds(enough), 3) +
+        " s or more do, or a speed of " + fixed(slow_mps, 2) + " m/s or less");
   }
 }
 

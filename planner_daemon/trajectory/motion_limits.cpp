@@ -86,8 +86,7 @@ void declare(OptionSet& options, MotionLimits& limits) {
 void declare_thrust(OptionSet& options, MotionLimits& limits) {
   options.add("limits", &limits.kind, "what limits accelerations: axes, each by itself; or thrust and tilt",
               [](const std::string& kind) {
-                if (kind != "axes" && kind != "thrust")
-                  throw OptionError("--limits: '" + kind + "' is not axes or thrust");
+                if (kind != "axes" && kind != "thrust") throw OptionError("must be axes or thrust");
               });
   options.add("thrust-min", &limits.thrust.least_mps2, 0, 9.8, "m/s^2", "least thrust per mass, of limits by thrust");
   options.add("thrust-max", &limits.thrust.most_mps2, 9.82, 1000, "m/s^2", "most thrust per mass, of limits by thrust");

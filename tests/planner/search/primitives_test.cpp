@@ -212,7 +212,7 @@ TEST(PrimitivesTest, SaysWhatTheHorizonCanBrakeFrom) {
   } catch (const std::invalid_argument& error) {
     message = error.what();
   }
-  EXPECT_NE(message.find("pieces of 0.638 s or more do, or a speed of 3.14 m/s or less"), std::string::npos) << message;
+  EXPECT_NE(message.find("pieces of 0.638 s or more do, or a speed of 3.13 m/s or less"), std::string::npos) << message;
   limits.v_max_mps = 3.13;
   EXPECT_NO_THROW(Primitives(limits, options));
   limits.v_max_mps = 3.15;
@@ -222,6 +222,30 @@ TEST(PrimitivesTest, SaysWhatTheHorizonCanBrakeFrom) {
   EXPECT_NO_THROW(Primitives(limits, options));
   options.piece = 637ms;
   EXPECT_THROW(Primitives(limits, options), std::invalid_argument);
+  // With limits of jerk and thrust, too.
+  limits = {};
+  limits.j_max_mps3 = 8.0;
+  limits.kind = "thrust";
+  options.piece = 200ms;
+  try {
+    const Primitives primitives(limits, options);
+    FAIL();
+  } catch (const std::invalid_argument& error) {
+    message = error.what();
+  }
+  double piece_s = 0.0, speed_mps = 0.0;
+  const std::string advice = message.substr(message.find("of so many"));
+  ASSERT_EQ(std::sscanf(advice.c_str(), "of so many, pieces of %lf s or more do, or a speed of %lf m/s", &piece_s,
+                        &speed_mps),
+            2)
+      << message;
+  for (const double over : {0.0, 0.011}) {
+    SearchLimits slower = limits;
+    slower.v_max_mps = speed_mps + over;
+    EXPECT_EQ(Primitives::brake_pieces(slower, 200ms) < Trajectory::kMaxPieces, over == 0.0) << message;
+    EXPECT_EQ(Primitives::brake_pieces(limits, to_duration(piece_s - over)) < Trajectory::kMaxPieces, over == 0.0)
+        << message;
+  }
 }
 
 }  // namespace
