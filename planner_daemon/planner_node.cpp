@@ -66,7 +66,7 @@ void declare(OptionSet& options, PlannerNodeConfig& config) {
 
 void verify(const PlannerNodeConfig& config) {
   const SearchLimits& limits = config.planner.limits;
-  verify(static_cast<const MotionLimits&>(limits));
+  verify(limits);
   for (int axis = 0; axis < 3; ++axis) {
     if (limits.space_min[axis] >= limits.space_max[axis]) {
       throw OptionError("--space-min: must be below --space-max on every axis");

@@ -165,8 +165,8 @@ struct SplineQp::Impl {
   double acc_limit = 0.0, vel_limit = 0.0, jerk_limit = 0.0;
   int num_bounded = 0;                            // outputs that have bounds: all, or all but the jerks
   double end_acc_room = 0.0, end_vel_room = 0.0;  // beyond them, for what the end states alone decide
-  std::vector<Face> acc_faces;
-  std::vector<Face> faces;  // with relaxed offsets relative to the start, piece after piece
+  std::vector<Face> acc_faces;                    // of all accelerations, with relaxed offsets
+  std::vector<Face> faces;                        // the same relative to the start, piece after piece
   std::vector<std::size_t> first_face;
   MatrixX3 unconstrained_acc;
   MatrixX3 outputs;

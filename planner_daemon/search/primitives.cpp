@@ -44,14 +44,14 @@ double strongest(double room, double step, int ramp_pieces) {
 
 // Of braking from (v, a) in n primitives: the acceleration goes to a level, as fast as steps allow, stays there, and is
 // 0 in time. After the k-th, 1 <= k < n:
-double brake_acceleration(int k, int n, double a, double level, double step) {
-  const double low = std::max(a - k * step, (k - n) * step), high = std::min(a + k * step, (n - k) * step);
-  return std::clamp(level, low, high);
+double axis_brake(int k, int n, double a, double level, double step) {
+  const double ending = std::clamp(level, (k - n) * step, (n - k) * step);
+  return std::clamp(ending, a - k * step, a + k * step);  // which is what counts where `a` cannot end in time
 }
 
 // The level that ends at rest: there the sum of all a_k is -(v + tau / 3 a) / tau. It grows with the level, by straight
 // lines: Newton's method, inside a bracket.
-double brake_level(int n, double tau, double v, double a, double step) {
+double axis_brake_level(int n, double tau, double v, double a, double step) {
   constexpr int kMostSteps = 40;  // it takes five at most, and none without limits of jerk
   constexpr double kRounding_mps2 = 1e-12;
   const double drift = v + tau / 3 * a;
@@ -62,7 +62,7 @@ double brake_level(int n, double tau, double v, double a, double step) {
     double missing = -drift / tau;
     int at_level = 0;
     for (int k = 1; k < n; ++k) {
-      const double a_k = brake_acceleration(k, n, a, level, step);
+      const double a_k = axis_brake(k, n, a, level, step);
       missing -= a_k;
       at_level += a_k == level;
     }
@@ -84,10 +84,10 @@ double most_while_braking(int n, double tau, double v_max, double a_usable, doub
     const double a = a_usable * i / kStates, v = v_max - tau * ramp_gain(std::abs(a), step);
     if (v < 0.0) continue;  // so slow a robot does not come to accelerate so fast
     if (std::abs(a) > n * step) return std::numeric_limits<double>::infinity();
-    const double level = brake_level(n, tau, v, a, step);
+    const double level = axis_brake_level(n, tau, v, a, step);
     double missing = -(v + tau / 3 * a) / tau;
     for (int k = 1; k < n; ++k) {
-      const double a_k = brake_acceleration(k, n, a, level, step);
+      const double a_k = axis_brake(k, n, a, level, step);
       missing -= a_k;
       most = std::max(most, std::abs(a_k));
     }
@@ -259,16 +259,15 @@ double Primitives::calm_down(double v, double a, double high, double a_usable_mp
 Eigen::Vector3d Primitives::brake_level(const MotionState& from) const {
   Eigen::Vector3d level;
   for (int axis = 0; axis < 3; ++axis)
-    level[axis] = swarm::brake_level(brake_pieces_, tau_s_, from.velocity[axis], from.acceleration[axis], step_mps2_);
+    level[axis] = axis_brake_level(brake_pieces_, tau_s_, from.velocity[axis], from.acceleration[axis], step_mps2_);
   return level;
 }
 
 Eigen::Vector3d Primitives::brake_acceleration(int k, const MotionState& from, const Eigen::Vector3d& level) const {
   if (k == brake_pieces_) return Eigen::Vector3d::Zero();
-  if (!limits_.limits_jerk()) return level;
   Eigen::Vector3d a;
   for (int axis = 0; axis < 3; ++axis)
-    a[axis] = swarm::brake_acceleration(k, brake_pieces_, from.acceleration[axis], level[axis], step_mps2_);
+    a[axis] = axis_brake(k, brake_pieces_, from.acceleration[axis], level[axis], step_mps2_);
   return a;
 }
 

@@ -50,9 +50,12 @@ double max_speed_bound(const ControlPoints& points, double h_s) {
   return 5 / h_s * (points.rightCols<5>() - points.leftCols<5>()).cwiseAbs().maxCoeff();
 }
 
+AccelerationPoints acceleration_points(const ControlPoints& points, double h_s) {
+  return 20 / (h_s * h_s) * (points.rightCols<4>() - 2 * points.middleCols<4>(1) + points.leftCols<4>());
+}
+
 double max_acceleration_bound(const ControlPoints& points, double h_s) {
-  return 20 / (h_s * h_s) *
-         (points.rightCols<4>() - 2 * points.middleCols<4>(1) + points.leftCols<4>()).cwiseAbs().maxCoeff();
+  return acceleration_points(points, h_s).cwiseAbs().maxCoeff();
 }
 
 }  // namespace swarm

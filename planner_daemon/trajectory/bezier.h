@@ -28,6 +28,10 @@ Eigen::Vector3d bezier_position(const ControlPoints& points, double s);
 // Control points of the part of the quintic within s in [from, to], 0 <= from < to <= 1.
 ControlPoints part_of(const ControlPoints& points, double from, double to);
 
+// Control points of a piece's acceleration [m/s^2]: their hull contains it.
+using AccelerationPoints = Eigen::Matrix<double, 3, 4>;
+AccelerationPoints acceleration_points(const ControlPoints& points, double h_s);
+
 // Largest per-axis |velocity| and |acceleration| control point of a piece: bounds on the piece itself.
 double max_speed_bound(const ControlPoints& points, double h_s);
 double max_acceleration_bound(const ControlPoints& points, double h_s);

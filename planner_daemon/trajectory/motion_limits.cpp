@@ -52,8 +52,7 @@ bool MotionLimits::can_follow(const MotionState& state, double slack) const {
 
 // What can be pulled is convex: a curve keeps within it when its control points do.
 bool MotionLimits::can_follow(const ControlPoints& points, double h_s, double slack) const {
-  const Eigen::Matrix<double, 3, 4> acceleration =
-      20 / (h_s * h_s) * (points.rightCols<4>() - 2 * points.middleCols<4>(1) + points.leftCols<4>());
+  const AccelerationPoints acceleration = acceleration_points(points, h_s);
   for (int i = 0; i < 4; ++i) {
     if (!can_pull(acceleration.col(i), slack)) return false;
   }

@@ -57,12 +57,13 @@ TEST(Generator, CircleSendsEachRobotToItsAntipode) {
 }
 
 TEST(Generator, RandomGoalsAreApartFromEachOtherAndAwayFromTheStarts) {
-  const Fleet fleet{
-      .robots = 60, .robot_m = 0.15, .limits = {.v_max_mps = 1.0, .a_max_mps2 = 2.0}, .space_m = {12, 10, 4}};
+  const Fleet fleet{.robots = 60,
+                    .robot_m = 0.15,
+                    .limits = {.v_max_mps = 1.0, .a_max_mps2 = 2.0, .j_max_mps3 = 50.0},
+                    .space_m = {12, 10, 4}};
   const World world = make_world(Task::kRandom, Environment::kEmpty, 0, 5, fleet);
   ASSERT_EQ(world.robots.size(), 60u);
-  EXPECT_EQ(world.limits.v_max_mps, 1.0);
-  EXPECT_EQ(world.limits.a_max_mps2, 2.0);
+  EXPECT_EQ(world.limits, fleet.limits);
   EXPECT_EQ(world.space.max, Eigen::Vector3d(6, 5, 4));
   EXPECT_EQ(world.space.min, Eigen::Vector3d(-6, -5, 0));
   for (const WorldRobot& robot : world.robots) {

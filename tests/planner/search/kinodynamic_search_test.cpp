@@ -1,5 +1,5 @@
-// The search as a whole; its primitives are in primitives_test.cpp, its oracle in exhaustive_search.h. Long
-// because each rule (limits, layers, leaving, ending, budget) has a property of its own.
+// The search as a whole; its primitives are in primitives_test.cpp, its oracle in exhaustive_search.h.
+// Long because each rule (limits, layers, leaving, ending, budget) has a property of its own.
 #include "planner_daemon/search/kinodynamic_search.h"
 
 #include <gtest/gtest.h>

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <cstdio>
 
 #include "tests/support/search_scene.h"
 
@@ -166,6 +167,24 @@ TEST(PrimitivesTest, BrakesWithinJerkAndThrust) {
       EXPECT_LT(state.acceleration.norm(), 1e-9);
     }
   }
+}
+
+// One that was pushed accelerates faster than can end in time: it brakes all the same, as far as it may.
+TEST(PrimitivesTest, BrakesFromAnAccelerationThatCannotEndInTime) {
+  SearchLimits limits;
+  limits.j_max_mps3 = 40.0;
+  const Primitives primitives(limits, SearchOptions{});
+  MotionState state;
+  state.acceleration = {30.0, -30.0, 0.0};
+  const Vector3d level = primitives.brake_level(state);
+  ASSERT_TRUE(level.allFinite());
+  for (int k = 1; k <= primitives.brake_pieces(); ++k) {
+    const Vector3d a = primitives.brake_acceleration(k, state, level);
+    EXPECT_LE(std::abs(a.x()), 30.0);
+    EXPECT_EQ(a.x(), -a.y());
+    EXPECT_EQ(a.z(), 0.0);
+  }
+  EXPECT_EQ(primitives.brake_acceleration(primitives.brake_pieces(), state, level), Vector3d::Zero());
 }
 
 // In the middle of a piece the acceleration may be too large for the speed: it is taken back at once.
