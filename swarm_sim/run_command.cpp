@@ -47,7 +47,11 @@ void declare(OptionSet& options, RunOptions& run) {
               "and limits as in the world");
   options.add("mavlink", &run.processes.mavlink,
               "processes: robots fly through mavlink_bridge and a simulated flight controller, on UDP port base-port + "
-              "66 + k");
+              "66 + k, which is told position or attitude; none: they follow the setpoints on the bus",
+              [](const std::string& targets) {
+                if (!targets.empty() && targets != "position" && targets != "attitude")
+                  throw OptionError("must be position or attitude");
+              });
   options.add(
       "netns", &run.processes.netns,
       "processes: robot k's daemons and buses are in the network namespace of this name and k (needs root); none: "
@@ -84,7 +88,7 @@ RunReport fly(const RunOptions& run, const FlightOptions& flight, const World& w
     return stopped == 0;
   };
   RunReport report;
-  if (run.processes.mavlink && run.mode != "processes")
+  if (!run.processes.mavlink.empty() && run.mode != "processes")
     throw OptionError("mavlink: in lock-step there is no mavlink_bridge; --mode processes");
   if (run.mode == "processes") {
     report = run_processes(world, static_map, flight, run.processes, logs, trace, progress);

@@ -50,7 +50,8 @@ void Vehicle::move_to(Utime utime) {
   const MotionState error = own_error();
   if (setpoint_) {
     reference_ = reference_at(utime);
-    state_ = model_->follow(told_at(utime), error);
+    const bool pushes = target_ && target_->thrust && utime - target_->heard <= kTargetTimeout;
+    state_ = pushes ? model_->push(*target_->thrust) : model_->follow(told_at(utime), error);
     yaw_rad_ = target_ ? target_->yaw_rad : setpoint_->yaw;
   }
   estimate_ = state_;
@@ -61,6 +62,12 @@ void Vehicle::move_to(Utime utime) {
 
 void Vehicle::on_target(Utime utime, const MotionState& told, double yaw_rad) {
   target_ = {utime, told, yaw_rad};
+}
+
+void Vehicle::on_thrust(Utime utime, const Eigen::Vector3d& thrust, double yaw_rad) {
+  MotionState here;
+  here.position = estimate_.position;
+  target_ = {utime, here, yaw_rad, thrust};
 }
 
 MotionState Vehicle::told_at(Utime utime) const {

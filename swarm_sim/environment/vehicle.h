@@ -27,6 +27,9 @@ class Vehicle {
   // What its flight controller is told, where that comes another way than on the bus (Autopilot): then setpoints are
   // only where it should be. It holds the newest one, and without any for half a second that place.
   void on_target(Utime utime, const MotionState& told, double yaw_rad);
+  // The same for the force per mass of its rotors, W [m/s^2]. Without any more it holds the place where it took itself
+  // to be.
+  void on_thrust(Utime utime, const Eigen::Vector3d& thrust, double yaw_rad);
   // The robot's own announcement: it follows what it is bound to while there are no setpoints.
   void on_own_trajectory(std::span<const std::uint8_t> bytes);
 
@@ -68,6 +71,7 @@ class Vehicle {
     Utime heard;
     MotionState told;
     double yaw_rad;
+    std::optional<Eigen::Vector3d> thrust{};
   };
   std::optional<Target> target_;
 };

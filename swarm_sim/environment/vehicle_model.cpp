@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <optional>
+#include <stdexcept>
 #include <vector>
 
 #include "lcmtypes/bus/portable_math.h"
@@ -10,6 +12,12 @@
 
 namespace swarm {
 namespace {
+
+// What a controller is told.
+struct Told {
+  MotionState reference;
+  std::optional<Eigen::Vector3d> thrust{};  // then not the reference
+};
 
 class PerfectVehicle : public VehicleModel {
  public:
@@ -60,15 +68,26 @@ class Quadrotor : public VehicleModel {
     integral_ = pull_ - kGravity;
     MotionState hover;
     hover.position = start;
-    std::ranges::fill(told_, hover);
+    std::ranges::fill(told_, Told{hover});
     thrust_ = pull_.norm();
     direction_ = pull_ / thrust_;
   }
 
   MotionState follow(const MotionState& reference, const MotionState& error) override {
+    return move({fitted(reference, fit_)}, error);
+  }
+  MotionState push(const Eigen::Vector3d& thrust) override { return move({MotionState(), thrust}, MotionState()); }
+
+ private:
+  MotionState move(const Told& told, const MotionState& error) {
     std::shift_left(told_.begin(), told_.end(), 1);
-    told_.back() = fitted(reference, fit_);
-    control(fitted(told_.front(), carry_on_), error);
+    told_.back() = told;
+    if (const Told& now = told_.front(); now.thrust) {
+      pull_ = *now.thrust;
+    } else {
+      control(fitted(now.reference, carry_on_), error);
+    }
+    limit_pull();
     const double pull = pull_.norm();
     gusts_.step(kStep_s, &random_);
     const Eigen::Vector3d gust = gusts_.value();
@@ -90,7 +109,6 @@ class Quadrotor : public VehicleModel {
     return state_;
   }
 
- private:
   static constexpr double kLeastThrust = 2.0, kMostThrust = 20.0, kMostUp = 18.0;  // [m/s^2]
   static constexpr double kMostIntegral = 4.0;                                     // [m/s^2]
   static constexpr double kGust = 0.2;                                             // of the wind
@@ -101,7 +119,7 @@ class Quadrotor : public VehicleModel {
     return (body_.linear_drag_per_s + body_.quadratic_drag_per_m * speed.norm()) * speed;
   }
 
-  // The position controller: feed-forward, proportional to what is amiss, and integral. Tilts by 45 degrees at most.
+  // The position controller: feed-forward, proportional to what is amiss, and integral.
   void control(const MotionState& reference, const MotionState& error) {
     const Eigen::Vector3d amiss = reference.position - state_.position - error.position;
     const Eigen::Vector3d amiss_mps = reference.velocity - state_.velocity - error.velocity;
@@ -109,6 +127,10 @@ class Quadrotor : public VehicleModel {
     integral_ = integral_.cwiseMax(-kMostIntegral).cwiseMin(kMostIntegral);
     pull_ = kGravity + reference.acceleration + body_.position_per_s2 * amiss + body_.velocity_per_s * amiss_mps +
             integral_;
+  }
+
+  // Tilts by 45 degrees at most.
+  void limit_pull() {
     pull_.z() = std::clamp(pull_.z(), kLeastThrust, kMostUp);
     const double sideways = pull_.head<2>().norm();
     const double most = std::min(pull_.z(), std::sqrt(kMostThrust * kMostThrust - pull_.z() * pull_.z()));
@@ -116,8 +138,8 @@ class Quadrotor : public VehicleModel {
   }
 
   QuadrotorBody body_;
-  std::vector<MotionState> told_;  // setpoints on their way, the oldest first,
-  VehicleFit carry_on_;            // which is so much older than what acts now
+  std::vector<Told> told_;  // on its way, the oldest first,
+  VehicleFit carry_on_;     // which is so much older than what acts now
   VehicleFit fit_;
   Random random_;
   Gusts gusts_;
@@ -130,6 +152,10 @@ class Quadrotor : public VehicleModel {
 };
 
 }  // namespace
+
+MotionState VehicleModel::push(const Eigen::Vector3d&) {
+  throw std::logic_error("VehicleModel::push: a vehicle without rotors");
+}
 
 QuadrotorBody quadrotor_body(const std::string& gains) {
   QuadrotorBody body;

@@ -21,6 +21,9 @@ class VehicleModel {
   // Moves on by kStep_s to the moment of which `reference` is; the controller takes itself to be where it is plus
   // `error` (position and velocity). True state, W.
   virtual MotionState follow(const MotionState& reference, const MotionState& error) = 0;
+  // The same where the controller is told the force per mass of the rotors instead, W [m/s^2]. Throws std::logic_error
+  // when the vehicle has none.
+  virtual MotionState push(const Eigen::Vector3d& thrust);
 };
 
 // A multicopter and its position controller. Lags of first order; drag per mass, of a speed v: (linear + quadratic v)

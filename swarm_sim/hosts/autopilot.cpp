@@ -1,10 +1,13 @@
 #include "swarm_sim/hosts/autopilot.h"
 
+#include <Eigen/Geometry>
 #include <boost/asio/buffer.hpp>
+#include <cmath>
 #include <span>
 #include <variant>
 
 #include "lcmtypes/bus/node_clock.h"
+#include "planner_daemon/trajectory/motion_limits.h"
 
 namespace swarm {
 namespace {
@@ -13,6 +16,8 @@ using boost::asio::ip::udp;
 
 constexpr Duration kReportPeriod = 20ms;  // as controllers are set up to
 constexpr int kHeartbeatEvery = 50;       // reports
+constexpr std::uint32_t kOffboard = 6 << 16;
+constexpr double kHoverThrust = 0.45;  // share of the most thrust at which it hovers; the bridge takes it for 0.5
 
 }  // namespace
 
@@ -36,17 +41,28 @@ void Autopilot::listen() {
         if (error == boost::asio::error::operation_aborted) return;
         if (!error && from_ == bridge_) {  // refused: the bridge is not there yet
           parser_.feed(std::span(datagram_).first(size), [this](const mavlink::Message& message) {
-            const auto* const target = std::get_if<mavlink::SetPositionTargetLocalNed>(&message);
-            if (target == nullptr) return;
-            MotionState told;
-            told.position = frame_.position_to_world(to_vector(target->position));
-            told.velocity = frame_.to_world(to_vector(target->velocity));
-            told.acceleration = frame_.to_world(to_vector(target->acceleration));
-            simulation_.vehicle(index_).on_target(wall_utime(), told, frame_.yaw(target->yaw));
+            if (const auto* const target = std::get_if<mavlink::SetPositionTargetLocalNed>(&message)) obey(*target);
+            if (const auto* const target = std::get_if<mavlink::SetAttitudeTarget>(&message)) obey(*target);
           });
         }
         listen();
       });
+}
+
+void Autopilot::obey(const mavlink::SetPositionTargetLocalNed& target) {
+  MotionState told;
+  told.position = frame_.position_to_world(to_vector(target.position));
+  told.velocity = frame_.to_world(to_vector(target.velocity));
+  told.acceleration = frame_.to_world(to_vector(target.acceleration));
+  simulation_.vehicle(index_).on_target(wall_utime(), told, frame_.yaw(target.yaw));
+}
+
+void Autopilot::obey(const mavlink::SetAttitudeTarget& target) {
+  const auto [w, x, y, z] = target.turn;
+  const Eigen::Matrix3d axes = Eigen::Quaternionf(w, x, y, z).normalized().cast<double>().toRotationMatrix();
+  const double thrust = MotionLimits::kGravity_mps2 / kHoverThrust * target.thrust;
+  simulation_.vehicle(index_).on_thrust(wall_utime(), frame_.to_world(-thrust * axes.col(2)),
+                                        frame_.yaw(std::atan2(axes(1, 0), axes(0, 0))));
 }
 
 void Autopilot::report_soon() {
@@ -65,6 +81,7 @@ void Autopilot::report() {
     mavlink::Heartbeat heartbeat;
     heartbeat.autopilot = mavlink::Heartbeat::kPx4;
     heartbeat.base_mode = mavlink::Heartbeat::kArmed;
+    heartbeat.custom_mode = kOffboard;
     send(heartbeat);
   }
   mavlink::Attitude attitude;

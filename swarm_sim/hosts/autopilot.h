@@ -24,6 +24,8 @@ class Autopilot {
 
  private:
   void listen();
+  void obey(const mavlink::SetPositionTargetLocalNed& target);
+  void obey(const mavlink::SetAttitudeTarget& target);
   void report_soon();
   void report();
   void send(const mavlink::Message& message);

@@ -128,15 +128,16 @@ std::vector<DaemonProgram> daemons_of(const World& world, const WorldRobot& robo
 }
 
 // With what the setpoints are to be given on their way; the rest as on a robot.
-void start_bridge(const World& world, const WorldRobot& robot, const RobotPlace& place, int port,
-                  const DaemonDirectories& directories, ChildProcesses& children) {
+void start_bridge(const World& world, const WorldRobot& robot, const RobotPlace& place, const std::string& targets,
+                  int port, const DaemonDirectories& directories, ChildProcesses& children) {
   const std::filesystem::path log = directories.out / ("robot" + std::to_string(robot.id) + "-bridge.log");
   std::filesystem::remove(log);
-  children.start("robot " + std::to_string(robot.id) + "'s mavlink_bridge", directories.programs / "mavlink_bridge",
-                 {"--robot-id", std::to_string(robot.id), "--onboard-url", place.onboard_url, "--link",
-                  "udp:" + std::to_string(port), "--lead", text_of(1e-3 * world.vehicle.lead_ms), "--lag",
-                  text_of(1e-3 * world.vehicle.lag_ms), "--drag", text_of(world.vehicle.drag_per_s)},
-                 log);
+  children.start(
+      "robot " + std::to_string(robot.id) + "'s mavlink_bridge", directories.programs / "mavlink_bridge",
+      {"--robot-id", std::to_string(robot.id), "--onboard-url", place.onboard_url, "--link",
+       "udp:" + std::to_string(port), "--lead", text_of(1e-3 * world.vehicle.lead_ms), "--lag",
+       text_of(1e-3 * world.vehicle.lag_ms), "--drag", text_of(world.vehicle.drag_per_s), "--targets", targets},
+      log);
 }
 
 // Its vehicles are told what they are told by bridges.
@@ -235,13 +236,16 @@ RunReport run_processes(const World& world, const OccupiedCubes* static_map, con
     throw OptionError("kill: daemons that were not started here cannot be killed either");
   if (processes.start_daemons && !options.clock_steps.empty())
     throw OptionError("clock-step: of daemons that were started here, only in lock-step; no clock is set for them");
-  if (processes.mavlink && (!processes.start_daemons || !processes.netns.empty() || options.clock_offset_ms != 0.0))
+  if (!processes.mavlink.empty() &&
+      (!processes.start_daemons || !processes.netns.empty() || options.clock_offset_ms != 0.0))
     throw OptionError("mavlink: with daemons that are started here, by one clock, in one network namespace");
+  if (processes.mavlink == "attitude" && world.vehicle.kind != "quadrotor")
+    throw OptionError("mavlink: attitude is for --vehicle quadrotor; '" + world.vehicle.kind + "' has none");
   if (relayed && !processes.netns.empty())
     throw OptionError("netns: between namespaces the network is what it is; no --link-... with it");
 
   RealtimeHost host;
-  const World simulated = processes.mavlink ? bridged(world) : world;
+  const World simulated = !processes.mavlink.empty() ? bridged(world) : world;
   Simulation simulation(simulated, static_map, {options.time_limit_s, options.clock_offset_ms, options.clock_steps},
                         wall_utime(), follow_flight(trace, progress, [&host] { host.stop(); }));
   Relay relay(options.link, seed_of(world.name), [&](Utime utime) { return simulation.t_s(utime); });
@@ -261,13 +265,13 @@ RunReport run_processes(const World& world, const OccupiedCubes* static_map, con
     const InNamespace there(place.netns);
     host.add(name, watches.emplace_back(robot.id, place.share, recorder), place.onboard_url,
              place.share == SwarmShare::kNone ? "" : place.swarm_url, {}, keys);
-    host.add("environment of " + name, environments.emplace_back(simulation, i, boot, !processes.mavlink),
+    host.add("environment of " + name, environments.emplace_back(simulation, i, boot, processes.mavlink.empty()),
              place.onboard_url, "");
     if (relayed) host.add("relay of " + name, relay.add_robot(robot.id), "", place.swarm_url, {}, keys);
     if (!processes.start_daemons) continue;
-    if (processes.mavlink) {
+    if (!processes.mavlink.empty()) {
       const int port = processes.base_port + 66 + robot.id;
-      start_bridge(world, robot, place, port, directories, children);
+      start_bridge(world, robot, place, processes.mavlink, port, directories, children);
       autopilots.emplace_back(host.io(), port, simulation, i);
     }
     for (DaemonProgram& daemon : daemons_of(world, robot, options, place, clocks[i], directories)) {

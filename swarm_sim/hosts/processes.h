@@ -20,9 +20,10 @@ namespace swarm {
 struct ProcessOptions {
   bool start_daemons = true;         // false: they run already, as configured elsewhere
   int base_port = kDefaultBasePort;  // swarm bus; robot k's onboard bus is base_port + 33 + k
-  bool mavlink = false;              // each robot flies through mavlink_bridge and a simulated flight controller
-  std::string netns;          // robot k is in the network namespace of this name and its number; empty: all are here
-  std::filesystem::path out;  // the daemons' config files and output go here; empty: a temporary directory
+  std::string mavlink;  // each robot flies through mavlink_bridge and a simulated flight controller, which is told
+                        // position or attitude; empty: no
+  std::string netns;    // robot k is in the network namespace of this name and its number; empty: all are here
+  std::filesystem::path out;       // the daemons' config files and output go here; empty: a temporary directory
   std::filesystem::path programs;  // where the daemons are; empty: beside this program
 };
 

@@ -19,6 +19,7 @@ class Bench : public NodeBench<Bench, BridgeNode> {
     config.robot_id = kRobot;
     config.north_rad = 0.5;
     config.origin = {1, 2, 3};
+    config.targets = "attitude";  // positions while it does not know where the robot is
     return config;
   }
   Bench() : NodeBench(config(), 1, [this](auto frame) { on_frame(frame); }) { step(); }
@@ -40,6 +41,7 @@ class Bench : public NodeBench<Bench, BridgeNode> {
     const std::int64_t before = sent_.frames();
     sent_.feed(frame, [this](const mavlink::Message& message) {
       if (std::holds_alternative<mavlink::Heartbeat>(message)) last_heartbeat_ = elapsed;
+      if (const auto* target = std::get_if<mavlink::SetAttitudeTarget>(&message)) check_attitude(*target);
       const auto* target = std::get_if<mavlink::SetPositionTargetLocalNed>(&message);
       if (target == nullptr) return;
       last_target_ = elapsed;
@@ -49,6 +51,15 @@ class Bench : public NodeBench<Bench, BridgeNode> {
       expect(std::isfinite(target->yaw) && std::isfinite(target->yaw_rate), "so is yaw");
     });
     expect(sent_.frames() == before + 1, "a frame is sent as a whole");
+  }
+
+  void check_attitude(const mavlink::SetAttitudeTarget& target) {
+    last_target_ = elapsed;
+    const Eigen::Vector4f turn = Eigen::Vector4f::Map(target.turn.data());
+    expect(std::abs(turn.norm() - 1.0f) < 1e-5f, "a turn is one");
+    expect(std::acos(1.0f - 2.0f * turn.segment<2>(1).squaredNorm()) <= 0.786f, "tilt is limited");
+    expect(target.thrust > 0.05f && target.thrust <= 1.00001f, "thrust is a share");
+    for (const float rate : target.rates) expect(std::isfinite(rate), "rates are finite");
   }
 
   mavlink::Parser from_controller_{controller_of(config())}, sent_{bridge_of(config())};

@@ -45,7 +45,7 @@ struct Reading {
 
 Message make_message(FuzzInput& input) {
   const auto number = [&] { return static_cast<float>(input.flag() ? input.any_real() : input.real(-100, 100)); };
-  switch (input.byte() % 4) {
+  switch (input.byte() % 5) {
     case 0:
       return Heartbeat{static_cast<std::uint32_t>(input.word(4)),
                        input.byte(),
@@ -59,6 +59,15 @@ Message make_message(FuzzInput& input) {
     case 2:
       return LocalPositionNed{
           static_cast<std::uint32_t>(input.word(4)), {number(), number(), number()}, {number(), number(), number()}};
+    case 3: {
+      SetAttitudeTarget target;
+      target.time_boot_ms = static_cast<std::uint32_t>(input.word(4));
+      target.turn = {number(), number(), number(), number()};
+      target.rates = {number(), number(), number()};
+      target.thrust = number();
+      target.type_mask = input.byte();
+      return target;
+    }
     default: {
       SetPositionTargetLocalNed target;
       target.time_boot_ms = static_cast<std::uint32_t>(input.word(4));

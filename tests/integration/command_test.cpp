@@ -109,8 +109,11 @@ TEST(RunCommand, BadOptionsAreRefusedByNameValueAndRule) {
   expect({"--link-loss", "1.5"}, {"--link-loss 1.5", "[0, 1]"});
   expect({"--link-outage", "1:3:2"}, {"--link-outage", "1:3:2", "ROBOT:FROM_S:TO_S"});
   expect({"--mode", "processes", "--netns", "far", "--link-delay-ms", "5"}, {"netns", "--link-"});
-  expect({"--mavlink", "true"}, {"mavlink", "lock-step", "--mode processes"});
-  expect({"--mode", "processes", "--mavlink", "true", "--daemons", "false"}, {"mavlink", "daemons that are started"});
+  expect({"--mavlink", "position"}, {"mavlink", "lock-step", "--mode processes"});
+  expect({"--mavlink", "true"}, {"--mavlink", "position or attitude"});
+  expect({"--mode", "processes", "--mavlink", "attitude"}, {"mavlink", "--vehicle quadrotor", "perfect"});
+  expect({"--mode", "processes", "--mavlink", "position", "--daemons", "false"},
+         {"mavlink", "daemons that are started"});
   expect({"--kill", "map@1"}, {"--kill", "map@1", "DAEMON:ROBOT@AT_S"});
   expect({"--kill", "map:9@1"}, {"kill", "no robot 9"});
   expect({"--link-outage", "9:1:2"}, {"link-outage", "no robot 9"});

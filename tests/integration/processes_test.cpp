@@ -135,11 +135,14 @@ TEST_F(Processes, FlyToTheEnd) {
     expect_sensor_phases(directory_ / "run" / ("robot" + std::to_string(robot) + ".lcm"), robot, 0.5);
 }
 
-// Each daemon crashes once, one robot is out of reach for three seconds, and the radio is bad.
 // Setpoints go out as MAVLink, a quadrotor in the wind follows them, and where it is comes back the same way.
-TEST_F(Processes, FlyThroughMavlinkInTheWind) {
+class ProcessesThroughMavlink : public Processes, public testing::WithParamInterface<const char*> {};
+INSTANTIATE_TEST_SUITE_P(Targets, ProcessesThroughMavlink, testing::Values("position", "attitude"),
+                         [](const auto& p) { return std::string(p.param); });
+
+TEST_P(ProcessesThroughMavlink, FlyInTheWind) {
   std::vector<std::string> words = command("run");
-  words.insert(words.end(), {"--mavlink", "true", "--vehicle", "quadrotor", "--wind-mps", "3"});
+  words.insert(words.end(), {"--mavlink", GetParam(), "--vehicle", "quadrotor", "--wind-mps", "3"});
   Program program(words);
   wait_until_it_flies(program);
   EXPECT_EQ(program.wait(90.0), 0) << program.err();
@@ -156,6 +159,7 @@ TEST_F(Processes, FlyThroughMavlinkInTheWind) {
   EXPECT_GT(states, 100);
 }
 
+// Each daemon crashes once, one robot is out of reach for three seconds, and the radio is bad.
 TEST_F(Processes, FlyOverABadRadioThroughCrashes) {
   std::vector<std::string> words = command("run");
   words.insert(words.end(), {"--link-delay-ms", "100", "--link-jitter-ms", "50", "--link-loss", "0.2", "--link-outage",

@@ -23,6 +23,7 @@ class SimulatedAutopilot {
     parser_.feed(bytes, [this](const mavlink::Message& message) {
       if (const auto* const target = std::get_if<mavlink::SetPositionTargetLocalNed>(&message))
         targets.push_back(*target);
+      if (const auto* const target = std::get_if<mavlink::SetAttitudeTarget>(&message)) attitudes.push_back(*target);
       if (const auto* const heartbeat = std::get_if<mavlink::Heartbeat>(&message)) heartbeats.push_back(*heartbeat);
     });
   }
@@ -49,6 +50,7 @@ class SimulatedAutopilot {
   const mavlink::Parser& parser() const { return parser_; }
 
   std::vector<mavlink::SetPositionTargetLocalNed> targets;
+  std::vector<mavlink::SetAttitudeTarget> attitudes;
   std::vector<mavlink::Heartbeat> heartbeats;
 
  private:

@@ -41,6 +41,10 @@ std::vector<std::uint32_t> fields(const Message& message) {
     for (const auto& values : {m->position, m->velocity, m->acceleration}) add_all(values);
     add_all(std::array{m->yaw, m->yaw_rate});
   }
+  if (const auto* const m = std::get_if<SetAttitudeTarget>(&message)) {
+    add(m->time_boot_ms, m->target_system, m->target_component, m->type_mask);
+    add_all(m->turn), add_all(m->rates), add_float(m->thrust);
+  }
   return all;
 }
 
@@ -49,7 +53,7 @@ Message random_message(Rng& rng) {
   const auto byte = [&] { return static_cast<std::uint8_t>(number()); };
   const auto real = [&] { return std::bit_cast<float>(number()); };
   const auto vector = [&] { return std::array{real(), real(), real()}; };
-  switch (uniform_int(rng, 0, 3)) {
+  switch (uniform_int(rng, 0, 4)) {
     case 0: {
       Heartbeat m;
       m.custom_mode = number();
@@ -60,6 +64,14 @@ Message random_message(Rng& rng) {
       return Attitude{number(), real(), real(), real(), real(), real(), real()};
     case 2:
       return LocalPositionNed{number(), vector(), vector()};
+    case 3: {
+      SetAttitudeTarget m;
+      m.time_boot_ms = number();
+      m.turn = {real(), real(), real(), real()};
+      m.rates = vector(), m.thrust = real();
+      m.target_system = byte(), m.target_component = byte(), m.type_mask = byte();
+      return m;
+    }
     default: {
       SetPositionTargetLocalNed m;
       m.time_boot_ms = number();
@@ -159,6 +171,14 @@ TEST(Mavlink, AgreesWithAnotherImplementation) {
         1092931649u, 2429908896u, 1078043874u, 0u, 3232041055u, 872936073u},
        "fd3500001a9ced540000be646b6bd9fcb88873af0153bb66b540e1d56276a03679c141d02441a077d590e2a44140000000005f08a5c089f"
        "2073487e4dd00dff898"},
+      {{5, 4},
+       243,
+       {4u, 2332836374u, 101u, 245u, 103u, 1090729374u, 0u, 1064799180u, 1085630596u, 0u, 1091899162u, 0u, 3209382712u},
+       "fd270000f3050452000016420c8b9e35034100000000cc8b773f8468b540000000001a0f154100000000384b4bbf65f567c02c"},
+      {{254, 169},
+       77,
+       {4u, 1816322682u, 3u, 199u, 0u, 3230147383u, 1080060018u, 0u, 0u, 3228644137u, 0u, 3229963130u, 1091825079u},
+       "fd2600004dfea95200007ae2426c372388c0726860400000000000000000293371c0000000007a5385c0b7ed134103c7edca"},
   };
   for (const Vector& vector : vectors) {
     SCOPED_TRACE(vector.hex);

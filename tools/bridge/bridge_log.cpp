@@ -25,18 +25,15 @@ const char* describe(LedBy led_by) {
   return "?";
 }
 
-// The flight modes in which targets are obeyed, by name.
-std::string mode_of(const mavlink::Heartbeat& heartbeat) {
-  const std::uint32_t mode = heartbeat.custom_mode;
-  if (heartbeat.autopilot == mavlink::Heartbeat::kPx4 && (mode >> 16 & 0xFF) == 6) return "offboard mode";
-  if (heartbeat.autopilot == mavlink::Heartbeat::kArdupilot && mode == 4) return "guided mode";
-  return fmt::format("mode {:#x}", mode);
+std::string mode_of(const BridgeReport& bridge) {
+  const char* const mode = bridge.led_mode();
+  return mode != nullptr ? mode : fmt::format("mode {:#x}", bridge.heartbeat.custom_mode);
 }
 
 std::string summary(Utime now, const BridgeReport& bridge, const LinkReport& link, const mavlink::Parser& parser) {
   const std::string controller = bridge.heard_utime
                                      ? fmt::format("{:.1f} s ago, {}, {}", to_seconds(now - *bridge.heard_utime),
-                                                   bridge.armed() ? "armed" : "disarmed", mode_of(bridge.heartbeat))
+                                                   bridge.armed() ? "armed" : "disarmed", mode_of(bridge))
                                      : "never";
   return fmt::format(
       "{}; controller heard {}; out: {} frames ({} dropped), {} setpoints ({} late), {} of the trajectory; in: {} "
@@ -62,11 +59,12 @@ std::vector<LogLine> BridgeLog::update(Utime now, const BridgeReport& bridge, co
   current.lost = link.lost;
   current.heard = bridge.heard_utime && now - *bridge.heard_utime < kSilence;
   current.armed = bridge.armed();
-  current.mode = bridge.heard_utime ? mode_of(bridge.heartbeat) : "";
+  current.mode = bridge.heard_utime ? mode_of(bridge) : "";
   current.version_1 = parser.skipped(mavlink::Skipped::kMavlink1) > 0;
   current.led_by = bridge.led_by;
   current.off = bridge.off_m > (seen_.off ? kNear_m : kOff_m);
   current.restarts = bridge.restarts;
+  current.blind = bridge.blind;
 
   std::vector<LogLine> lines;
   const auto add = [&lines](bool warning, std::string_view text) { add_line(&lines, warning, text); };
@@ -87,6 +85,9 @@ std::vector<LogLine> BridgeLog::update(Utime now, const BridgeReport& bridge, co
     const bool good = current.led_by == LedBy::kNone || current.led_by == LedBy::kSetpoints;
     add(!good, describe(current.led_by));
   }
+  if (current.blind != seen_.blind)
+    add(current.blind, current.blind ? "no state of the robot: the controller is told positions in place of attitudes"
+                                     : "the controller is told attitudes again");
   if (current.off && !seen_.off)
     add(true,
         fmt::format("the robot is {:.1f} m from its target: do not switch to the mode that goes there", bridge.off_m));

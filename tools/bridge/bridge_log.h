@@ -21,7 +21,7 @@ class BridgeLog {
 
  private:
   struct Seen {
-    bool connected = false, heard = false, armed = false, version_1 = false, off = false;
+    bool connected = false, heard = false, armed = false, version_1 = false, off = false, blind = false;
     std::string peer, mode;
     LedBy led_by = LedBy::kNone;
     std::int64_t restarts = 0, lost = 0;

@@ -6,6 +6,7 @@
 
 #include "lcmtypes/bus/channels.h"
 #include "lcmtypes/bus/limits.h"
+#include "planner_daemon/trajectory/motion_limits.h"
 
 namespace swarm {
 namespace {
@@ -17,6 +18,7 @@ constexpr Duration kSamplePeriod = 10ms;
 constexpr Duration kAnnouncementAge = 1s;
 constexpr Duration kRest = 1s;  // how long the place of rest is sent after all has ended
 constexpr Duration kAttitudeAge = 500ms;
+constexpr Duration kStateAge = 200ms;       // older than this by more than its usual delay, a state leads nobody
 constexpr std::int32_t kRestart_ms = 1000;  // no message is that late
 
 // False for NaN.
@@ -44,6 +46,18 @@ void declare(OptionSet& options, BridgeConfig& config) {
               "targets accelerate by so much times their jerk more: the vehicle's acceleration lags by it");
   options.add("drag", &config.fit.drag_per_s, 0, 10, "1/s",
               "targets accelerate by so much times their velocity more: air holds the vehicle back");
+  options.add("targets", &config.targets,
+              "what the controller is told: position, velocity and acceleration; or attitude and thrust, which this "
+              "bridge finds by the five below",
+              [](const std::string& targets) {
+                if (targets != "position" && targets != "attitude") throw OptionError("must be position or attitude");
+              });
+  options.add("position-gain", &config.gains.position_per_s2, 0.1, 100, "1/s^2", "acceleration by what is amiss");
+  options.add("velocity-gain", &config.gains.velocity_per_s, 0.1, 100, "1/s", "acceleration by what velocity is amiss");
+  options.add("integral-gain", &config.gains.integral_per_s3, 0, 100, "1/s^3", "acceleration by what stays amiss");
+  options.add("hover-thrust", &config.gains.hover_thrust, 0.1, 0.9, "",
+              "share of the most thrust at which the robot hovers");
+  options.add("tilt-max", &config.gains.tilt_max_deg, 5, 70, "deg", "of the thrust to the vertical at most");
   options.add("state-delay", &config.state_delay_s, 0, 1, "s", "from a state's measurement to its arrival here");
   options.add("publish-state", &config.publish_state, "publish ROBOT_STATE; false: somebody else does");
   options.add("timeout", &config.timeout_s, 0.1, 60, "s",
@@ -58,6 +72,19 @@ mavlink::Sender bridge_of(const BridgeConfig& config) {
 
 mavlink::Sender controller_of(const BridgeConfig& config) {
   return {to_byte(config.target_system), to_byte(config.target_component)};
+}
+
+const char* BridgeReport::led_mode() const {
+  const std::uint32_t mode = heartbeat.custom_mode;
+  if (heartbeat.autopilot == mavlink::Heartbeat::kPx4 && (mode >> 16 & 0xFF) == 6) return "offboard mode";
+  if (heartbeat.autopilot == mavlink::Heartbeat::kArdupilot && mode == 4) return "guided mode";
+  return nullptr;
+}
+
+bool BridgeReport::obeys() const {
+  const bool is_known =
+      heartbeat.autopilot == mavlink::Heartbeat::kPx4 || heartbeat.autopilot == mavlink::Heartbeat::kArdupilot;
+  return armed() && (!is_known || led_mode() != nullptr);
 }
 
 const char* to_string(StateRefusal reason) {
@@ -77,7 +104,8 @@ BridgeNode::BridgeNode(const BridgeConfig& config, std::int32_t boot, FrameSink 
       sink_(std::move(sink)),
       frame_(config.north_rad, config.origin),
       encoder_(bridge_of(config)),
-      state_headers_(config.robot_id, boot) {}
+      state_headers_(config.robot_id, boot),
+      position_controller_(config.gains) {}
 
 std::vector<Subscription> BridgeNode::subscriptions() const {
   return {{BusId::kOnboard, channel::kSetpoint}, {BusId::kOnboard, channel::kOwnTrajectory}};
@@ -162,6 +190,9 @@ void BridgeNode::on_controller(Utime now, const mavlink::LocalPositionNed& local
   const Eigen::Vector3d velocity = frame_.to_world(to_vector(local.velocity));
   if (!within(position, kMaxPosition_m) || !within(velocity, kMaxVelocity_mps)) return refuse(StateRefusal::kValue);
   if (target_) report_.off_m = (position - *target_).norm();
+  state_utime_ = now - to_duration(config_.state_delay_s);
+  state_.position = position;
+  state_.velocity = velocity;
   if (!attitude_heard_ || now - *attitude_heard_ > kAttitudeAge) return refuse(StateRefusal::kNoAttitude);
   if (!config_.publish_state) return;
   sogm_swarm::robot_state_t state{};
@@ -197,6 +228,7 @@ bool BridgeNode::pass(BootClock* clock, std::uint32_t time_ms) {
     ++report_.restarts;
     position_clock_ = attitude_clock_ = BootClock();
     attitude_heard_.reset();
+    state_utime_.reset();
     (void)clock->pass(time_ms);
   }
   return true;
@@ -239,8 +271,9 @@ void BridgeNode::follow_clock(Utime now) {
 }
 
 void BridgeNode::shift_times(Duration later) {
-  for (Utime* const time : {&now_, &setpoint_heard_, &announcement_heard_, &sent_utime_}) *time += later;
-  for (auto* const time : {&report_.heard_utime, &attitude_heard_, &start_, &asked_})
+  for (Utime* const time : {&now_, &setpoint_heard_, &announcement_heard_, &sent_utime_, &controlled_utime_})
+    *time += later;
+  for (auto* const time : {&report_.heard_utime, &attitude_heard_, &state_utime_, &start_, &asked_})
     if (*time) **time += later;
   if (motion_) motion_->committed.shift(later), motion_->next.shift(later);
 }
@@ -270,9 +303,23 @@ Utime BridgeNode::guide(Utime now) {
 
 // In W.
 void BridgeNode::send_target(Utime utime, const MotionState& state, double yaw_rad, double yaw_rate) {
-  mavlink::SetPositionTargetLocalNed target;
-  target.time_boot_ms = static_cast<std::uint32_t>(std::max(utime - *start_, Duration()) / 1ms);
+  const auto time_ms = static_cast<std::uint32_t>(std::max(utime - *start_, Duration()) / 1ms);
   const MotionState told = fitted(state, config_.fit);
+  const bool by_attitude = config_.targets == "attitude";
+  const bool knows = state_utime_ && now_ - *state_utime_ <= kStateAge + to_duration(config_.state_delay_s);
+  report_.blind = by_attitude && !knows;  // the controller may know
+  if (by_attitude && knows) {
+    send_attitude(time_ms, fitted(state, {to_seconds(now_ - utime), 0.0, 0.0}), told, yaw_rad, yaw_rate);
+  } else {
+    send_position(time_ms, told, yaw_rad, yaw_rate);
+  }
+  sent_utime_ = utime;
+  target_ = state.position;
+}
+
+void BridgeNode::send_position(std::uint32_t time_ms, const MotionState& told, double yaw_rad, double yaw_rate) {
+  mavlink::SetPositionTargetLocalNed target;
+  target.time_boot_ms = time_ms;
   target.position = to_floats(frame_.position_to_ned(told.position));
   target.velocity = to_floats(frame_.to_ned(told.velocity));
   target.acceleration = to_floats(frame_.to_ned(told.acceleration));
@@ -281,8 +328,27 @@ void BridgeNode::send_target(Utime utime, const MotionState& state, double yaw_r
   target.target_system = to_byte(config_.target_system);
   target.target_component = to_byte(config_.target_component);
   send(target);
-  sent_utime_ = utime;
-  target_ = state.position;
+}
+
+void BridgeNode::send_attitude(std::uint32_t time_ms, const MotionState& wanted, const MotionState& told,
+                               double yaw_rad, double yaw_rate) {
+  state_.acceleration = wanted.acceleration;  // as far as is known
+  const MotionState is = fitted(state_, {to_seconds(now_ - *state_utime_), 0.0, 0.0});
+  // On the ground, or led by somebody else, what is amiss says nothing.
+  if (!report_.obeys()) position_controller_.reset();
+  const Duration since = std::clamp(now_ - controlled_utime_, Duration(), kSetpointTimeout);
+  controlled_utime_ = now_;
+  const Eigen::Vector3d thrust = position_controller_.thrust(wanted, told.acceleration, is, to_seconds(since));
+  const BodyTarget body = body_of(frame_.to_ned(thrust), frame_.to_ned(told.jerk), frame_.yaw(yaw_rad), -yaw_rate);
+  mavlink::SetAttitudeTarget target;
+  target.time_boot_ms = time_ms;
+  target.turn = {static_cast<float>(body.turn.w()), static_cast<float>(body.turn.x()),
+                 static_cast<float>(body.turn.y()), static_cast<float>(body.turn.z())};
+  target.rates = to_floats(body.rates);
+  target.thrust = static_cast<float>(config_.gains.hover_thrust * thrust.norm() / MotionLimits::kGravity_mps2);
+  target.target_system = to_byte(config_.target_system);
+  target.target_component = to_byte(config_.target_component);
+  send(target);
 }
 
 }  // namespace swarm

@@ -8,6 +8,7 @@
 #include <functional>
 #include <optional>
 #include <span>
+#include <string>
 
 #include "lcmtypes/bus/header_source.h"
 #include "lcmtypes/bus/node.h"
@@ -18,6 +19,7 @@
 #include "planner_daemon/trajectory/vehicle_fit.h"
 #include "tools/bridge/mavlink.h"
 #include "tools/bridge/ned_frame.h"
+#include "tools/bridge/position_controller.h"
 
 namespace swarm {
 
@@ -27,8 +29,10 @@ struct BridgeConfig {
   int system_id = 0, component_id = 191;             // this bridge; system 0: the controller's
   double north_rad = 0.0;                            // yaw of north in W
   Eigen::Vector3d origin = Eigen::Vector3d::Zero();  // of the controller's local frame in W [m]
-  VehicleFit fit;              // what targets are given, so that the vehicle follows the setpoints
-  double state_delay_s = 0.0;  // a state is older than its arrival by this
+  VehicleFit fit;                    // what targets are given, so that the vehicle follows the setpoints
+  std::string targets = "position";  // what the controller is told: position, or attitude
+  PositionGains gains;               // where it is attitude
+  double state_delay_s = 0.0;        // a state is older than its arrival by this
   bool publish_state = true;
   double timeout_s = 0.5;      // no setpoint and no announcement for so long: the broadcast daemon is gone
   double clock_limit_s = 0.1;  // the robot's own messages from further in the future are refused
@@ -64,6 +68,7 @@ struct BridgeReport {
   std::int64_t setpoints = 0;        // passed on
   std::int64_t late = 0;             // not passed on: older than what was sent already
   std::int64_t samples = 0;          // of the committed trajectory, sent
+  bool blind = false;                // positions are sent in place of attitudes: no state of late
   std::int64_t states = 0;           // published
   std::int64_t restarts = 0;         // of the controller
   double off_m = 0.0;                // how far the robot was from its target when both were known last [m]
@@ -71,6 +76,10 @@ struct BridgeReport {
   std::array<std::int64_t, kNumStateRefusals> states_refused{};
 
   bool armed() const { return (heartbeat.base_mode & mavlink::Heartbeat::kArmed) != 0; }
+  // Its flight mode by name if it is one in which targets are obeyed, else null; and whether they are, as far as is
+  // known.
+  const char* led_mode() const;
+  bool obeys() const;
 };
 
 class BridgeNode : public Node {
@@ -118,6 +127,10 @@ class BridgeNode : public Node {
   Utime guide(Utime now);
   // As fits the vehicle.
   void send_target(Utime utime, const MotionState& state, double yaw_rad, double yaw_rate);
+  void send_position(std::uint32_t time_ms, const MotionState& told, double yaw_rad, double yaw_rate);
+  // `wanted`: now.
+  void send_attitude(std::uint32_t time_ms, const MotionState& wanted, const MotionState& told, double yaw_rad,
+                     double yaw_rate);
   void send(const mavlink::Message& message) { sink_(encoder_.encode(message)); }
 
   BridgeConfig config_;
@@ -141,6 +154,11 @@ class BridgeNode : public Node {
   BootClock position_clock_, attitude_clock_;
   std::optional<Utime> attitude_heard_;  // when it was heard
   double attitude_yaw_rad_ = 0.0;        // in W
+
+  PositionController position_controller_;
+  Utime controlled_utime_{};          // when it was asked last
+  std::optional<Utime> state_utime_;  // of the state of the robot, where
+  MotionState state_;                 // only position and velocity are heard, in W
 };
 
 }  // namespace swarm

@@ -18,7 +18,7 @@ struct Definition {
   std::uint8_t size;       // of the whole payload
 };
 // In the order of Message's alternatives.
-constexpr Definition kDefinitions[] = {{0, 50, 9}, {30, 39, 28}, {32, 185, 28}, {84, 143, 53}};
+constexpr Definition kDefinitions[] = {{0, 50, 9}, {30, 39, 28}, {32, 185, 28}, {84, 143, 53}, {82, 49, 39}};
 static_assert(std::size(kDefinitions) == std::variant_size_v<Message>);
 
 template <class M, class Expected>
@@ -42,6 +42,11 @@ void fields_of(M& m, Archive& a) {
   a(m.time_boot_ms), a(m.position), a(m.velocity), a(m.acceleration), a(m.yaw), a(m.yaw_rate);
   a(m.type_mask), a(m.target_system), a(m.target_component), a(m.frame);
 }
+template <Is<SetAttitudeTarget> M, class Archive>
+void fields_of(M& m, Archive& a) {
+  a(m.time_boot_ms), a(m.turn), a(m.rates), a(m.thrust);
+  a(m.target_system), a(m.target_component), a(m.type_mask);
+}
 
 // Little-endian.
 class Writer {
@@ -52,7 +57,8 @@ class Writer {
     for (std::size_t i = 0; i < sizeof(value); ++i) *to_++ = static_cast<std::uint8_t>(value >> 8 * i);
   }
   void operator()(float value) { (*this)(std::bit_cast<std::uint32_t>(value)); }
-  void operator()(const std::array<float, 3>& values) {
+  template <std::size_t kSize>
+  void operator()(const std::array<float, kSize>& values) {
     for (const float value : values) (*this)(value);
   }
 
@@ -74,7 +80,8 @@ class Reader {
     (*this)(bits);
     value = std::bit_cast<float>(bits);
   }
-  void operator()(std::array<float, 3>& values) {
+  template <std::size_t kSize>
+  void operator()(std::array<float, kSize>& values) {
     for (float& value : values) (*this)(value);
   }
 
@@ -123,8 +130,10 @@ Message decode(const Definition& definition, std::span<const std::uint8_t> paylo
       return read<Attitude>(whole.data());
     case 2:
       return read<LocalPositionNed>(whole.data());
-    default:
+    case 3:
       return read<SetPositionTargetLocalNed>(whole.data());
+    default:
+      return read<SetAttitudeTarget>(whole.data());
   }
 }
 

@@ -1,4 +1,4 @@
-// The part of MAVLink 2 that leads a flight controller along a trajectory: four messages, their frames on the wire, and
+// The part of MAVLink 2 that leads a flight controller along a trajectory: five messages, their frames on the wire, and
 // a parser that takes any bytes in any pieces (https://mavlink.io/en/guide/serialization.html; message set "common").
 // Frames are not signed.
 #pragma once
@@ -45,7 +45,18 @@ struct SetPositionTargetLocalNed {
   std::uint8_t target_system = 0, target_component = 0, frame = kLocalNed;
 };
 
-using Message = std::variant<Heartbeat, Attitude, LocalPositionNed, SetPositionTargetLocalNed>;
+// How to stand in the air and how hard to push.
+struct SetAttitudeTarget {
+  std::uint32_t time_boot_ms = 0;
+  std::array<float, 4> turn = {1, 0, 0,
+                               0};  // quaternion w, x, y, z: the body (forward, right, down) in north, east, down
+  std::array<float, 3> rates{};     // about the body's axes [rad/s]
+  float thrust = 0;                 // share of the most there is
+  std::uint8_t target_system = 0, target_component = 0;
+  std::uint8_t type_mask = 0;  // what is to be ignored; 0: nothing
+};
+
+using Message = std::variant<Heartbeat, Attitude, LocalPositionNed, SetPositionTargetLocalNed, SetAttitudeTarget>;
 
 // Who sends: a vehicle or a ground station, and its part. Component 0 stands for every component.
 struct Sender {
