@@ -4,7 +4,9 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <vector>
 
+#include "planner_daemon/search/search_tree.h"
 #include "tests/support/search_scene.h"
 
 namespace swarm {
@@ -73,6 +75,34 @@ TEST(EscapeSearchTest, TheWayOutViolatesLeast) {
     EXPECT_EQ(touches, 0);
   }
   EXPECT_GT(touched_at_rest, 20 * 50);
+}
+
+// An acceleration that jerk kept from going further goes on growing to what is usable.
+TEST(EscapeSearchTest, WhatJerkKeptBackGoesOn) {
+  SearchLimits limits;
+  limits.v_max_mps = 1.5, limits.j_max_mps3 = 20.0;
+  SearchContext context(limits, SearchOptions(), BlockedSpace::kCosts);
+  const Scene scene(empty_map({6, 6, 3}, 0.1, 20, kStart, 100ms));
+  context.set(scene.problem(at_rest({0, 0, 0}), kStart, {-2, 0, 0}));
+  SearchTree tree(context);
+  tree.plant();
+  const double step = context.primitives.step_mps2(), usable = context.primitives.a_usable_mps2().x();
+  ASSERT_LT(step, usable);
+  std::vector<std::int32_t> children;
+  tree.for_each_child(0, [&](std::int32_t child) { children.push_back(child); });
+  int grew = 0;
+  for (const std::int32_t child : children) {
+    const std::int32_t next = tree.add_child_alike(child);
+    if (next < 0) continue;
+    for (int axis = 0; axis < 3; ++axis) {
+      const double now = tree[child].state.acceleration[axis], then = tree[next].state.acceleration[axis];
+      if (std::abs(now) < 0.99 * step) continue;
+      EXPECT_GT(then / now, 1.0) << now;
+      EXPECT_LE(std::abs(then), usable + 1e-9);
+      ++grew;
+    }
+  }
+  EXPECT_GT(grew, 10);
 }
 
 // With limited jerk the acceleration of a manoeuvre grows from primitive to primitive.
