@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <numbers>
 #include <optional>
 #include <stdexcept>
@@ -59,7 +60,9 @@ class Quadrotor : public VehicleModel {
         fit_{1e-3 * options.lead_ms, 1e-3 * options.lag_ms, options.drag_per_s},
         random_(seed),
         gusts_(options.wind_mps, &random_),
-        gust_mps_(kGust * options.wind_mps) {
+        gust_mps_(kGust * options.wind_mps),
+        shove_mps_(options.shove_mps),
+        shoves_(~seed) {
     const auto [sin, cos] = sin_cos(2.0 * std::numbers::pi * Random(wind_seed).uniform());
     along_wind_ << cos, sin, 0.0;
     wind_ = options.wind_mps * along_wind_;
@@ -88,6 +91,7 @@ class Quadrotor : public VehicleModel {
       control(fitted(now.reference, carry_on_), error);
     }
     limit_pull();
+    if (shove_mps_ > 0.0) be_shoved();
     const double pull = pull_.norm();
     gusts_.step(kStep_s, &random_);
     const Eigen::Vector3d gust = gusts_.value();
@@ -137,6 +141,14 @@ class Quadrotor : public VehicleModel {
     if (sideways > most) pull_.head<2>() *= most / sideways;
   }
 
+  void be_shoved() {
+    constexpr int kPeriod = 1000;  // steps
+    if (step_ % kPeriod == 0) shoved_at_ = step_ + static_cast<std::int64_t>(kPeriod * shoves_.uniform());
+    if (step_++ != shoved_at_) return;
+    const auto [sin, cos] = sin_cos(2.0 * std::numbers::pi * shoves_.uniform());
+    state_.velocity += shove_mps_ * Eigen::Vector3d(cos, sin, 0.0);
+  }
+
   QuadrotorBody body_;
   std::vector<Told> told_;  // on its way, the oldest first,
   VehicleFit carry_on_;     // which is so much older than what acts now
@@ -145,6 +157,9 @@ class Quadrotor : public VehicleModel {
   Gusts gusts_;
   double gust_mps_;
   Eigen::Vector3d along_wind_, wind_;
+  double shove_mps_;
+  Random shoves_;
+  std::int64_t step_ = 0, shoved_at_ = 0;
   MotionState state_;
   Eigen::Vector3d pull_, integral_;  // what the controller wants of the thrust
   double thrust_;

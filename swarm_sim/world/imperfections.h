@@ -15,6 +15,8 @@ struct VehicleOptions {
   // Of quadrotor: steady wind, with gusts of a fifth of it; how firmly the controller holds on to the setpoint.
   double wind_mps = 0.0;
   std::string gains = "firm";  // or soft
+  // Of quadrotor: at some moment in every ten seconds something runs into it and makes it so much faster, to some side.
+  double shove_mps = 0.0;
   // Of quadrotor: what its setpoints are given on their way (vehicle_fit.h); as tools/identify finds them for it.
   double lead_ms = 12.0, lag_ms = 35.0, drag_per_s = 0.28;
   // By so much the robot errs about where it is: half of it wanders within half a second, half within twenty.
@@ -59,6 +61,8 @@ void for_each_vehicle_option(Options& vehicle, const Visit& visit) {
   visit("tracking-sigma-m", vehicle.tracking_sigma_m, 0, 1, "m", "noisy: deviation of an axis about the setpoint");
   visit("wind-mps", vehicle.wind_mps, 0, 30, "m/s", "quadrotor: steady wind, with gusts of a fifth of it");
   visit("gains", vehicle.gains, kGains, "quadrotor: of its flight controller");
+  visit("shove-mps", vehicle.shove_mps, 0, 20, "m/s",
+        "quadrotor: at some moment in every 10 s something makes it so much faster, to some side");
   visit("lead-ms", vehicle.lead_ms, 0, 500, "ms", "quadrotor: its setpoints are those of so much later");
   visit("lag-ms", vehicle.lag_ms, 0, 1000, "ms", "quadrotor: and accelerate by so much times their jerk more");
   visit("drag", vehicle.drag_per_s, 0, 10, "1/s", "quadrotor: and by so much times their velocity more");

@@ -118,6 +118,35 @@ TEST(VehicleModel, AQuadrotorHasLimits) {
   EXPECT_LT(sideways, 20.0);
 }
 
+// What runs into it does so once in ten seconds, to any side; then it comes back.
+TEST(VehicleModel, AQuadrotorIsShoved) {
+  const auto model = make_vehicle_model({.kind = "quadrotor", .shove_mps = 3.0}, kPlace, 3, 4);
+  int shoves = 0;
+  double worst_m = 0.0;
+  MotionState before = hover();
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  for (int k = 0; k < 10'000; ++k) {
+    const MotionState state = model->follow(hover(), {});
+    const Eigen::Vector3d change = state.velocity - before.velocity;
+    if (change.norm() > 2.0) ++shoves, sum += change;
+    worst_m = std::max(worst_m, (state.position - kPlace).norm());
+    before = state;
+  }
+  EXPECT_EQ(shoves, 10);
+  EXPECT_LT(sum.norm(), 20.0);
+  EXPECT_GT(worst_m, 0.5);
+  EXPECT_LT(worst_m, 1.5);
+}
+
+TEST(VehicleModel, AQuadrotorIsPushedByItsThrust) {
+  const auto model = make_vehicle_model({.kind = "quadrotor"}, kPlace, 3, 4);
+  MotionState state;
+  for (int k = 0; k < 50; ++k) state = model->push({1.0, 0, 9.81});
+  EXPECT_NEAR(state.acceleration.x(), 1.0, 0.15);  // lags are over, air does not yet hold it back much
+  EXPECT_NEAR(state.acceleration.z(), 0.0, 0.05);
+  EXPECT_THROW(make_vehicle_model({}, kPlace, 1, 1)->push({0, 0, 9.81}), std::logic_error);
+}
+
 TEST(VehicleModel, TheSameSeedIsTheSameFlight) {
   const VehicleOptions options{.kind = "quadrotor", .wind_mps = 5.0};
   const auto end_of = [&](std::uint64_t seed) {

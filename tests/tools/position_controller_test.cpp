@@ -155,9 +155,5 @@ TEST(PositionController, AQuadrotorInTheWindFollowsThroughIt) {
   EXPECT_LT(off_m[off_m.size() * 99 / 100], 0.09);
 }
 
-TEST(VehicleModel, WhatHasNoRotorsCannotBePushed) {
-  EXPECT_THROW(make_vehicle_model({}, {0, 0, 1}, 1, 1)->push({0, 0, 9.81}), std::logic_error);
-}
-
 }  // namespace
 }  // namespace swarm::test
