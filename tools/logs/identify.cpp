@@ -182,8 +182,8 @@ int identify_command(int argc, const char* const* argv) {
   std::cout << "\nmavlink_bridge.cfg\n  lead = " << fixed(found.fit.lead_s, 3)
             << "\n  lag = " << fixed(found.fit.lag_s, 3) << "\n  drag = " << fixed(found.fit.drag_per_s, 2)
             << "\nplanner_daemon.cfg\n  clearance = " << fixed(std::max(0.05, std::ceil(100 * (off_m - 0.05)) / 100), 2)
-            << "\n  j-max = " << fixed(jerk_mps3, 0) << "\nbroadcast_daemon.cfg\n  j-max = " << fixed(jerk_mps3, 0)
-            << "\n  error-bound = " << fixed(std::max(0.3, std::ceil(100 * 2 * off_m) / 100), 2) << std::endl;
+            << "\nbroadcast_daemon.cfg\n  error-bound = " << fixed(std::max(0.3, std::ceil(100 * 2 * off_m) / 100), 2)
+            << "\nrobot.env\n  J_MAX=" << fixed(jerk_mps3, 0) << std::endl;
   return 0;
 }
 
