@@ -1,4 +1,5 @@
-// Daemons that crash in flight: how it is asked for, and that the swarm gets over it.
+// What goes wrong in flight (daemons that crash, clocks that are set, robots that something runs into): how it is asked
+// for, and that the swarm gets over it.
 #include "swarm_sim/hosts/faults.h"
 
 #include <gtest/gtest.h>
@@ -87,6 +88,17 @@ TEST(Faults, WhoeverWaitsForASilentPeerIsNotHit) {
     forced += report.forced_commits;
   }
   EXPECT_GT(forced, 0);
+}
+
+// Robots that fly close together are thrown off their courses: they go on from where they are.
+TEST(Faults, WhoIsShovedOffItsCourseGoesOn) {
+  World world = make_world(Task::kCircle, Environment::kEmpty, 0, 1, {.robots = 8, .circle_m = 5.0});
+  world.vehicle.kind = "quadrotor";
+  world.vehicle.shove_mps = 4.0;
+  const RunReport report = run_lockstep(world, nullptr, {}, {}, nullptr, nullptr, nullptr);
+  EXPECT_EQ(report.outcome, Outcome::kSuccess) << summary_table(report);
+  EXPECT_EQ(report.commit_conflicts, 0);
+  EXPECT_GT(report.forced_commits, 0);
 }
 
 TEST(Faults, KillsOfUnknownRobotsAreRefused) {

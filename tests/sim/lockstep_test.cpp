@@ -269,17 +269,6 @@ TEST(Lockstep, FliesWithinJerkAndThrust) {
 }
 
 // From rest before a board: too many weak accelerations for the search's budget lead past its edge.
-// Something runs into robots that fly close together: off their courses they go on from where they are.
-TEST(Lockstep, WhoIsShovedOffItsCourseGoesOn) {
-  World world = circle(8, 5.0, 0, 1);
-  world.vehicle.kind = "quadrotor";
-  world.vehicle.shove_mps = 4.0;
-  const RunReport report = run_lockstep(world, nullptr, {}, {}, nullptr, nullptr, nullptr);
-  EXPECT_EQ(report.outcome, Outcome::kSuccess) << summary_table(report);
-  EXPECT_EQ(report.commit_conflicts, 0);
-  EXPECT_GT(report.forced_commits, 0);
-}
-
 TEST(Lockstep, FliesAroundABoardFromRest) {
   for (const double limit : {1.0, 2.0}) {
     TemporaryDirectory directory;

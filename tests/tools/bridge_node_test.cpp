@@ -109,6 +109,32 @@ TEST(Bridge, TellsTheControllerAttitudes) {
               1e-4);
 }
 
+// On the ground, and in a mode of its own, the controller obeys nobody: what is amiss then is forgotten.
+TEST(Bridge, WhatIsAmissAddsUpOnlyWhileTheControllerObeys) {
+  BridgeConfig config = make_config();
+  config.targets = "attitude";
+  mavlink::Heartbeat offboard, guided, ground, loiter, other;
+  offboard.autopilot = ground.autopilot = loiter.autopilot = mavlink::Heartbeat::kPx4;
+  guided.autopilot = mavlink::Heartbeat::kArdupilot, guided.custom_mode = 4;
+  offboard.custom_mode = ground.custom_mode = 6 << 16, loiter.custom_mode = 4 << 16;
+  other.autopilot = 1;  // whose modes are not known here
+  for (mavlink::Heartbeat* const armed : {&offboard, &guided, &loiter, &other})
+    armed->base_mode = mavlink::Heartbeat::kArmed;
+  const auto thrust_after = [&](const mavlink::Heartbeat& heartbeat) {
+    Flight flight(config);
+    for (std::uint32_t i = 0; i < 100; ++i) {
+      flight.hear(heartbeat);
+      flight.hear(mavlink::LocalPositionNed{100 + 10 * i, {0, 0, -0.9f}, {}});
+      flight.say_setpoint(at_rest({0, 0, 1}));
+      flight.run_for(0.01);
+    }
+    return flight.autopilot.attitudes.back().thrust;
+  };
+  const float without = thrust_after(ground);
+  EXPECT_EQ(thrust_after(loiter), without);
+  for (const mavlink::Heartbeat& obeying : {offboard, guided, other}) EXPECT_GT(thrust_after(obeying), without + 0.01f);
+}
+
 // Where the robot is unknown its controller is told positions: it may know.
 TEST(Bridge, WithoutAStateAttitudesGiveWayToPositions) {
   BridgeConfig config = make_config();

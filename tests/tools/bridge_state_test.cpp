@@ -98,6 +98,25 @@ TEST(Bridge, KnowsWhetherTheControllerIsThereAndArmed) {
   EXPECT_TRUE(flight.node.report().armed());
 }
 
+TEST(BridgeLog, TellsWhetherAttitudesCanBeTold) {
+  BridgeConfig config = make_config();
+  config.targets = "attitude";
+  Flight flight(config);
+  BridgeLog log;
+  const auto says = [&](const char* text, bool warning) {
+    for (const LogLine& line : log.update(flight.now, flight.node.report(), LinkReport(), flight.ears))
+      if (line.text.find(text) != line.text.npos) return line.warning == warning;
+    return false;
+  };
+  flight.say_setpoint(at_rest({0, 0, 1}));
+  EXPECT_TRUE(says("no state of the robot: the controller is told positions", true));
+  flight.hear(mavlink::LocalPositionNed{100, {0, 0, -1}, {}});
+  flight.run_for(0.01);
+  flight.say_setpoint(at_rest({0, 0, 1}));
+  EXPECT_TRUE(says("the controller is told attitudes again", false));
+  EXPECT_FALSE(says("attitudes", false));
+}
+
 TEST(BridgeLog, TellsChangesOnceAndTheStateOfThingsEveryTenSeconds) {
   Flight flight;
   BridgeLog log;

@@ -104,6 +104,10 @@ TEST(PositionController, TheIntegralIsBounded) {
   EXPECT_LE(push(0.0), most - 1.0 + 0.02);
   controller.reset();
   EXPECT_NEAR(push(0.0), 0.0, 1e-12);
+
+  controller = PositionController({.position_per_s2 = 1, .velocity_per_s = 1, .integral_per_s3 = 1});
+  for (int i = 0; i < 10'000; ++i) (void)push(0.1);
+  EXPECT_NEAR(push(0.0), 4.0, 1e-9);
 }
 
 // From far away it comes at a speed that does not depend on how far that is.

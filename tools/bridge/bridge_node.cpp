@@ -332,8 +332,9 @@ void BridgeNode::send_position(std::uint32_t time_ms, const MotionState& told, d
 
 void BridgeNode::send_attitude(std::uint32_t time_ms, const MotionState& wanted, const MotionState& told,
                                double yaw_rad, double yaw_rate) {
-  state_.acceleration = wanted.acceleration;  // as far as is known
-  const MotionState is = fitted(state_, {to_seconds(now_ - *state_utime_), 0.0, 0.0});
+  MotionState heard = state_;
+  heard.acceleration = wanted.acceleration;  // as far as is known
+  const MotionState is = fitted(heard, {to_seconds(now_ - *state_utime_), 0.0, 0.0});
   // On the ground, or led by somebody else, what is amiss says nothing.
   if (!report_.obeys()) position_controller_.reset();
   const Duration since = std::clamp(now_ - controlled_utime_, Duration(), kSetpointTimeout);

@@ -157,8 +157,8 @@ class BridgeNode : public Node {
 
   PositionController position_controller_;
   Utime controlled_utime_{};          // when it was asked last
-  std::optional<Utime> state_utime_;  // of the state of the robot, where
-  MotionState state_;                 // only position and velocity are heard, in W
+  std::optional<Utime> state_utime_;  // of the robot's newest state:
+  MotionState state_;                 // position and velocity, in W
 };
 
 }  // namespace swarm
