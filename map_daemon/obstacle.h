@@ -34,12 +34,16 @@ struct Obstacle {
   Eigen::Vector3d position = Eigen::Vector3d::Zero();  // of the centre at `utime`, W [m]
   Eigen::Vector3d velocity = Eigen::Vector3d::Zero();  // W [m/s]
   Utime utime{};                                       // of position (age already subtracted)
+  double acceleration_mps2 = 0.0;                      // it may accelerate by so much, in any direction
 };
+
+inline constexpr double kUnseen_s = 0.5;  // what an obstacle does later is seen in time to plan anew
 
 // Marks in every frame of `sogm` each voxel whose centre comes within `margin_m` of the thickened obstacle at some time
 // of the frame's interval (union over the interval, paper section III-B); voxels finer than the map's are thickened to
 // one of those. So no obstacle slips through between the centres, however thin. Static obstacles (zero velocity) work
-// too. `growth_mps` widens the margin with prediction time (per second after sogm.start_utime).
+// too. `growth_mps` widens the margin with prediction time (per second after sogm.start_utime); so does half of the
+// obstacle's acceleration times the square of the time since its utime, but no longer than for kUnseen_s.
 void rasterize(const Obstacle& obstacle, double margin_m, double growth_mps, Sogm* sogm);
 
 }  // namespace swarm

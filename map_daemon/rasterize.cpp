@@ -209,7 +209,9 @@ void paint_core(const Core& core, const Eigen::Vector3d& offset, const Obstacle&
     const Eigen::Vector3d from = obstacle.position + offset + (lead_s + frame * frame_s) * obstacle.velocity;
     // A point within r of a core on its way is within sqrt(r^2 + step^2 / 4) of it at one end of the step, whatever the
     // core's form: so no sub-step leaves a gap, at the price of less than 7 % of r for r >= 0.07 m at 0.1 m voxels.
-    const double r = core.thickness + margin_m + growth_mps * (frame + 1) * frame_s + kRounding_m;
+    const double end_s = (frame + 1) * frame_s, unseen_s = std::clamp(lead_s + end_s, 0.0, kUnseen_s);
+    const double r = core.thickness + margin_m + growth_mps * end_s +
+                     obstacle.acceleration_mps2 * unseen_s * unseen_s / 2 + kRounding_m;
     const double reach = std::sqrt(r * r + step_m * step_m / 4);
     if (!meets_window(core, from, motion, reach, sogm->geometry)) continue;
     for (int k = 0; k <= steps; ++k) {

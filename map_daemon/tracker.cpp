@@ -11,11 +11,15 @@ namespace {
 using sogm_swarm::obstacle_t;
 using sogm_swarm::obstacles_t;
 
-constexpr double kSurprise = 25.0;          // of six degrees of freedom: one report in 3,000 is so far from its track
-constexpr double kNear2 = 16.0;             // of three: where a track may find itself again under another id
-constexpr double kNear_m = 0.3;             // and this much beside
-constexpr double kUnknownSpeed_mps = 1.0;   // standard deviation of a velocity that nobody measured
-constexpr Duration kOnceMore = 100ms;       // that what was seen once is kept
+constexpr double kSurprise = 25.0;         // of six degrees of freedom: one report in 3,000 is so far from its track
+constexpr double kNear2 = 16.0;            // of three: where a track may find itself again under another id
+constexpr double kNear_m = 0.3;            // and this much beside
+constexpr double kUnknownSpeed_mps = 1.0;  // standard deviation of a velocity that nobody measured
+constexpr double kLasting_s = 0.5;         // over which velocities and their changes are averaged to find accelerations
+constexpr double kNoise = 2.0;             // of the variance of a velocity: more than noise makes of the changes
+constexpr double kTurning = 1.4;           // one whose direction turns within seconds seems so much smaller than it is
+constexpr double kMost_mps2 = 4.0;         // that an obstacle is taken to accelerate by
+constexpr Duration kOnceMore = 100ms;      // that what was seen once is kept
 constexpr std::size_t kMaxPairs = 1 << 16;  // of tracks and reports that are compared
 
 Shape::Kind to_kind(std::int16_t shape) {
@@ -35,6 +39,21 @@ Shape::Kind to_kind(std::int16_t shape) {
 double gain(double shared, double variance, double noise) {
   const double sum = variance + noise;
   return sum > 0.0 ? shared / sum : 0.0;
+}
+
+// How far the velocity is from what it lately was tells an acceleration from noise, within about a second. `dt_s`:
+// since the last one.
+void learn_acceleration(double dt_s, Track* track) {
+  if (track->obstacle.utime - track->unbroken_utime < to_duration(kLasting_s)) {  // it may not have been known before
+    track->lasting_velocity = track->obstacle.velocity;
+    return;
+  }
+  const double news = dt_s / (kLasting_s + dt_s);
+  track->lasting_velocity += news * (track->obstacle.velocity - track->lasting_velocity);
+  const double change = (track->obstacle.velocity - track->lasting_velocity).squaredNorm();
+  track->changes += news * (change - kNoise * track->covariance.velocity - track->changes);
+  const double acceleration_mps2 = kTurning * std::sqrt(std::max(track->changes, 0.0)) / kLasting_s;
+  track->obstacle.acceleration_mps2 = std::min(acceleration_mps2, kMost_mps2);
 }
 
 bool is_alike(const Shape& a, const Shape& b) {
@@ -65,7 +84,13 @@ Tracker::Detection Tracker::detection_of(const obstacle_t& message, Utime utime)
 }
 
 Track Tracker::begun(const Detection& detection, Utime utime) const {
-  return {detection.id, detection.obstacle, {detection.position_var, 0.0, detection.velocity_var}, utime, utime};
+  return {.id = detection.id,
+          .obstacle = detection.obstacle,
+          .covariance = {detection.position_var, 0.0, detection.velocity_var},
+          .lasting_velocity = detection.obstacle.velocity,
+          .unbroken_utime = detection.obstacle.utime,
+          .first_utime = utime,
+          .last_utime = utime};
 }
 
 void Tracker::correct(const Detection& detection, Utime utime, Track* track) const {
@@ -81,8 +106,13 @@ void Tracker::correct(const Detection& detection, Utime utime, Track* track) con
   if (detection.has_velocity) surprise += amiss_mps.squaredNorm() / std::max(p.velocity + detection.velocity_var, 1e-9);
   const bool is_exact = detection.position_var == 0.0 && detection.has_velocity && detection.velocity_var == 0.0;
   if (is_exact || surprise > kSurprise) {  // it is known better, or has turned: the past says nothing
+    const double acceleration_mps2 = is_exact ? 0.0 : track->obstacle.acceleration_mps2;
     track->obstacle = seen;
+    track->obstacle.acceleration_mps2 = acceleration_mps2;
     track->covariance = {detection.position_var, 0.0, detection.velocity_var};
+    track->lasting_velocity = seen.velocity;
+    track->unbroken_utime = seen.utime;
+    if (is_exact) track->changes = 0.0;
     return;
   }
   double of_position = gain(p.position, p.position, detection.position_var);
@@ -99,11 +129,12 @@ void Tracker::correct(const Detection& detection, Utime utime, Track* track) con
     p = {p.position - of_position * p.both, (1.0 - of_velocity) * p.both, (1.0 - of_velocity) * p.velocity};
   }
   const Utime newest = std::max(seen.utime, track->obstacle.utime);
-  track->obstacle = seen;  // its shape
+  track->obstacle.shape = seen.shape;
   track->obstacle.position = position;
   track->obstacle.velocity = velocity;
   track->obstacle.utime = newest;
   track->covariance = p;
+  learn_acceleration(dt_s, track);
 }
 
 bool Tracker::is_kept(const Track& track, Utime utime) const {
@@ -172,6 +203,7 @@ void Tracker::forget(Utime now, Duration ahead) {
 void Tracker::shift(Duration step) {
   for (Track& track : tracks_) {
     track.obstacle.utime += step;
+    track.unbroken_utime += step;
     track.first_utime += step;
     track.last_utime += step;
   }

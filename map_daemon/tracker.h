@@ -28,6 +28,9 @@ struct Track {
   std::int32_t id = 0;
   Obstacle obstacle;  // the estimate, as of obstacle.utime
   TrackCovariance covariance;
+  Eigen::Vector3d lasting_velocity = Eigen::Vector3d::Zero();  // averaged over the last half second, W [m/s]
+  double changes = 0.0;    // mean square of how far the velocity is from that, less what noise makes of it [m^2/s^2]
+  Utime unbroken_utime{};  // since when the velocity has changed little by little only
   Utime first_utime{}, last_utime{};  // of the first and of the newest report
 };
 

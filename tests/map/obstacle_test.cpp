@@ -194,7 +194,16 @@ Scene random_scene(Shape::Kind kind, bool vertical, Random* random) {
                     .origin = tall ? Eigen::Vector3i(-4, -5, -50) : Eigen::Vector3i(-6, -5, -6),
                     .size = tall ? Eigen::Vector3i(8, 8, 75) : Eigen::Vector3i(13, 11, 12)},
                    2, Utime(7s), Duration(random->integer(20'000, 300'000)));
+  scene.obstacle.acceleration_mps2 = random->integer(0, 1) * (*random)(0.0, 2.0);
   return scene;
+}
+
+// How far beyond the obstacle voxels are marked at the end of a frame.
+double end_margin_m(const Scene& scene, int frame) {
+  const double end_s = (frame + 1) * to_seconds(scene.sogm.frame_duration);
+  const double age_s = to_seconds(scene.sogm.start_utime - scene.obstacle.utime) + end_s;
+  const double unseen_s = std::min(std::max(age_s, 0.0), 0.5);
+  return scene.margin_m + scene.growth_mps * end_s + 0.5 * scene.obstacle.acceleration_mps2 * unseen_s * unseen_s;
 }
 
 // What rasterize() takes the shape for.
@@ -231,8 +240,7 @@ TEST(Rasterize, AgreesWithDistancesSampledInTime) {
       const auto parts = thick_parts(scene.obstacle.shape, sogm.geometry.resolution_m, scene.margin_m);
       const bool exact = !vertical && (kind == Shape::Kind::kColumn || kind == Shape::Kind::kSphere);
       for (int f = 0; f < sogm.num_frames; ++f) {
-        const double begin_margin = scene.margin_m + scene.growth_mps * f * frame_s;
-        const double end_margin = begin_margin + scene.growth_mps * frame_s;
+        const double end_margin = end_margin_m(scene, f);
         const double slack_m = (exact ? 0.0 : 0.25 * sogm.geometry.resolution_m) + gap_m + 1e-6;
         for (int x = 0; x < sogm.geometry.size.x(); ++x) {
           for (int y = 0; y < sogm.geometry.size.y(); ++y) {
@@ -253,8 +261,9 @@ TEST(Rasterize, AgreesWithDistancesSampledInTime) {
                 std::ostringstream out;
                 out << describe(scene.obstacle.shape) << " velocity " << scene.obstacle.velocity.transpose()
                     << " position " << scene.obstacle.position.transpose() << " margin " << scene.margin_m << " growth "
-                    << scene.growth_mps << " resolution " << sogm.geometry.resolution_m << " frame " << f << " of "
-                    << frame_s << " s, voxel " << v.transpose() << ", nearest " << nearest;
+                    << scene.growth_mps << " acceleration " << scene.obstacle.acceleration_mps2 << " resolution "
+                    << sogm.geometry.resolution_m << " frame " << f << " of " << frame_s << " s, voxel "
+                    << v.transpose() << ", nearest " << nearest;
                 return out.str();
               };
               if (nearest <= end_margin) {
@@ -351,6 +360,7 @@ TEST(Rasterize, FrameIsTheUnionOfItsHalves) {
       Sogm whole = scene.sogm, halves;
       whole.frame_duration = 200ms;
       halves.reset(whole.geometry, 2 * whole.num_frames, whole.start_utime, 100ms);
+      scene.obstacle.acceleration_mps2 = 0.0;  // the margin would grow within a frame
       rasterize(scene.obstacle, scene.margin_m, 0.0, &whole);
       rasterize(scene.obstacle, scene.margin_m, 0.0, &halves);
       const std::size_t n = static_cast<std::size_t>(whole.geometry.words_per_frame());

@@ -127,6 +127,73 @@ TEST(Tracker, NoiseIsFiltered) {
   EXPECT_LT(of_speed_sigma2 / count, 1.2);
 }
 
+// Ten obstacles for five seconds, seen every 50 ms as badly as `position_sigma` and `velocity_sigma` (below 0: not
+// measured) say: what their tracks take their accelerations for never exceeds `high_mps2`, and reaches `low_mps2`.
+void expect_learned(double low_mps2, double high_mps2, double acceleration_mps2, float position_sigma,
+                    float velocity_sigma) {
+  SCOPED_TRACE(testing::Message() << acceleration_mps2 << " m/s^2, velocity sigma " << velocity_sigma);
+  constexpr double kRate_radps = 1.5;  // each goes round a circle, on top of a uniform motion
+  std::mt19937 random(9);
+  std::normal_distribution<double> normal;
+  const auto noise = [&] { return Eigen::Vector3d(normal(random), normal(random), normal(random)); };
+  for (int id = 0; id < 10; ++id) {
+    Tracker tracker({});
+    double learned = 0.0;
+    for (int k = 0; k < 100; ++k) {
+      const double angle = kRate_radps * 0.05 * k + id;
+      const Eigen::Vector3d out(std::cos(angle), std::sin(angle), 0), along(-std::sin(angle), std::cos(angle), 0);
+      const Eigen::Vector3d center(0.03 * k, id, 1), drift(0.6, 0, 0);
+      const Eigen::Vector3d place = center + acceleration_mps2 / kRate_radps / kRate_radps * out;
+      const Eigen::Vector3d velocity = drift + acceleration_mps2 / kRate_radps * along;
+      tracker.update(report(
+          k * 50ms, {column(id, place + position_sigma * noise(), velocity + std::max(velocity_sigma, 0.0f) * noise(),
+                            position_sigma, velocity_sigma)}));
+      learned = tracker.tracks().at(0).obstacle.acceleration_mps2;
+      ASSERT_LE(learned, high_mps2) << "obstacle " << id << " after " << 0.05 * k << " s";
+    }
+    EXPECT_GE(learned, low_mps2);
+  }
+}
+
+TEST(Tracker, AccelerationsAreToldFromNoise) {
+  expect_learned(0.0, 0.4, 0.0, 0.05f, 0.2f);
+  expect_learned(0.7, 1.4, 1.0, 0.05f, 0.2f);
+  expect_learned(1.4, 2.7, 2.0, 0.05f, 0.2f);
+  expect_learned(0.0, 0.7, 0.0, 0.05f, -1.0f);
+  expect_learned(0.4, 1.4, 1.0, 0.05f, -1.0f);
+}
+
+TEST(Tracker, WhatIsSeenExactlyIsTakenNotToAccelerate) {
+  expect_learned(0.0, 0.0, 1.0, 0.0f, 0.0f);
+}
+
+// It flies straight, the clock is set back by an hour, it speeds up, and then it is seen exactly.
+TEST(Tracker, AccelerationsAreLearnedWhateverTheClockDoes) {
+  Tracker tracker({});
+  const auto learned = [&] { return tracker.tracks().at(0).obstacle.acceleration_mps2; };
+  const auto see = [&](int k, Duration clock, float sigma) {
+    const double t_s = 0.05 * std::max(k - 40, 0);
+    tracker.update(report(k * 50ms + clock, {column(1, {t_s * t_s / 2, 0, 1}, {t_s, 0, 0}, sigma, sigma)}));
+  };
+  for (int k = 0; k <= 40; ++k) see(k, 0ms, 0.1f);
+  EXPECT_EQ(learned(), 0.0);
+  tracker.shift(-1h);
+  for (int k = 41; k < 80; ++k) see(k, -1h, 0.1f);
+  EXPECT_GT(learned(), 0.7);
+  see(80, -1h, 0.0f);
+  EXPECT_EQ(learned(), 0.0);
+}
+
+TEST(Tracker, ATurnIsNoAcceleration) {
+  Tracker tracker({});
+  for (int k = 0; k < 60; ++k) {
+    const bool has_turned = k >= 30;
+    const Eigen::Vector3d place(has_turned ? 1.5 - 0.05 * (k - 30) : 0.05 * k, 0, 1);
+    tracker.update(report(k * 50ms, {column(1, place, {has_turned ? -1.0 : 1.0, 0, 0}, 0.05f, 0.2f)}));
+    EXPECT_EQ(tracker.tracks().at(0).obstacle.acceleration_mps2, 0.0) << k;
+  }
+}
+
 TEST(Tracker, ATurnIsBelievedAtOnce) {
   Tracker tracker({});
   for (int k = 0; k < 20; ++k) tracker.update(report(k * 50ms, {column(1, {0.05 * k, 0, 1}, {1, 0, 0}, 0.05f, 0.1f)}));
