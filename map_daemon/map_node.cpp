@@ -212,6 +212,17 @@ bool MapNode::on_clock_step(Utime, Duration step) {
   return true;
 }
 
+Activity MapNode::activity(Utime now) const {
+  switch (state(now)) {
+    case map_status_t::kNoState:
+      return waits_for(channel::kRobotState);
+    case map_status_t::kStaleState:
+      return waits_for(channel::kRobotState, "the last one is " + fixed(to_seconds(now - state_utime_), 1) + " s old");
+    default:
+      return {.text = "makes maps around the robot"};
+  }
+}
+
 Utime MapNode::step(Utime now, Outbox& outbox) {
   forget_unreported(now);
   const bool running = state(now) == map_status_t::kRunning;

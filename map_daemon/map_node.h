@@ -62,6 +62,7 @@ class MapNode : public Node {
                   Outbox& outbox) override;
   Utime step(Utime now, Outbox& outbox) override;
   bool on_clock_step(Utime now, Duration step) override;
+  Activity activity(Utime now) const override;
 
   double build_ms() const { return build_ms_; }  // of the newest map, encoding included
   int maps() const { return maps_; }             // published since start

@@ -220,11 +220,8 @@ Utime PlannerNode::step(Utime now, Outbox& outbox) {
     map_is_new_ = false;  // it took its time
     return now + 1us;
   }
-  // After the clock was set back, the map may be of the future.
-  const bool stale = has_map && check_time(map_.start_utime, now, to_duration(config_.stale_map_s),
-                                           to_duration(config_.clock_limit_s)) != Refusal::kNone;
   Utime wake = std::max(status_.due(now, kStatusPeriod), now + 1us);
-  if (map_is_new_ && own_ && !stale) {
+  if (map_is_new_ && own_ && !is_stale(now)) {
     // One plan at a time: one that has not begun yet is waited for, whether it is committed or pending.
     const Utime period_due = plan_.due(now, to_duration(config_.period_s));
     Utime due = period_due;
@@ -243,16 +240,7 @@ Utime PlannerNode::step(Utime now, Outbox& outbox) {
     }
   }
   if (now >= status_.due(now, kStatusPeriod)) {
-    std::int16_t state = planning_state();
-    if (!has_map)
-      state = planner_status_t::kNoMap;
-    else if (stale)
-      state = planner_status_t::kStaleMap;
-    else if (!own_)
-      state = planner_status_t::kNoCommitted;
-    else if (mission_.empty())
-      state = planner_status_t::kNoGoal;
-    publish_status(now, state, outbox);
+    publish_status(now, state(now), outbox);
     wake = std::min(wake, status_.due(now, kStatusPeriod));
   }
   return std::max(wake, now + 1us);
@@ -325,6 +313,37 @@ void PlannerNode::plan(Utime now, Outbox& outbox) {
   }
   publish_status(now, planning_state(), outbox);
   planner_.prepare(request_);
+}
+
+// After the clock was set back, it may be of the future.
+bool PlannerNode::is_stale(Utime now) const {
+  return check_time(map_.start_utime, now, to_duration(config_.stale_map_s), to_duration(config_.clock_limit_s)) !=
+         Refusal::kNone;
+}
+
+std::int16_t PlannerNode::state(Utime now) const {
+  if (map_.num_frames == 0) return planner_status_t::kNoMap;
+  if (is_stale(now)) return planner_status_t::kStaleMap;
+  if (!own_) return planner_status_t::kNoCommitted;
+  return mission_.empty() ? planner_status_t::kNoGoal : planning_state();
+}
+
+Activity PlannerNode::activity(Utime now) const {
+  switch (state(now)) {
+    case planner_status_t::kNoMap:
+      return waits_for(channel::kSogm);
+    case planner_status_t::kStaleMap:
+      return waits_for(channel::kSogm, "the last one is " + fixed(to_seconds(now - map_.start_utime), 1) + " s old");
+    case planner_status_t::kNoCommitted:
+      return waits_for(channel::kOwnTrajectory);
+    case planner_status_t::kNoGoal:
+      return waits_for(channel::kGoal);
+    default:
+      break;
+  }
+  const std::string goal = text_of(mission_.waypoint().position);
+  if (newest_ == nullptr || !newest_->is_unreachable) return {.text = "plans to " + goal};
+  return {true, "plans, but no way leads to " + goal, "by all that is known to stand still"};
 }
 
 std::int16_t PlannerNode::planning_state() const {

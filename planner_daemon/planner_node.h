@@ -46,6 +46,7 @@ class PlannerNode : public Node {
                   Outbox& outbox) override;
   Utime step(Utime now, Outbox& outbox) override;
   bool on_clock_step(Utime now, Duration step) override;
+  Activity activity(Utime now) const override;
 
   const PlanResult& newest_plan() const { return newest_ != nullptr ? *newest_ : no_plan_; }
   const PlanRequest& newest_request() const { return request_; }  // what it was made for; only right after the plan
@@ -65,6 +66,8 @@ class PlannerNode : public Node {
   PlanDelay& delay_of(bool is_slow) { return plan_delays_[is_slow ? 1 : 0]; }
   void plan(Utime now, Outbox& outbox);
   void publish_corridors(Utime now, Outbox& outbox);
+  bool is_stale(Utime now) const;       // the map
+  std::int16_t state(Utime now) const;  // one of planner_status_t's
   std::int16_t planning_state() const;
   void publish_status(Utime now, std::int16_t state, Outbox& outbox);
 

@@ -8,6 +8,7 @@
 #include <string_view>
 #include <vector>
 
+#include "lcmtypes/bus/activity.h"
 #include "lcmtypes/bus/channels.h"
 #include "lcmtypes/bus/codec.h"
 #include "lcmtypes/bus/time.h"
@@ -57,6 +58,9 @@ class Node {
   // negative). True: so they will be. False: not now; time goes on as it is, and the node is asked again before
   // every step. 0: the clock is back where it was, and nothing changes.
   virtual bool on_clock_step([[maybe_unused]] Utime now, [[maybe_unused]] Duration step) { return true; }
+
+  // For the log, see activity.h. Asked once a second.
+  virtual Activity activity([[maybe_unused]] Utime now) const { return {}; }
 };
 
 }  // namespace swarm

@@ -17,6 +17,7 @@
 
 #include "lcmtypes/bus/big_endian.h"
 #include "lcmtypes/bus/lcm_bus.h"
+#include "lcmtypes/bus/recurring.h"
 #include "lcmtypes/bus/service_manager.h"
 
 namespace swarm {
@@ -113,6 +114,7 @@ class RealtimeHost::Seat : public Outbox {
     for (Port& port : ports_) {
       if (port.bus) await_messages(port);
     }
+    look_.done(now());
     step();
   }
 
@@ -165,10 +167,19 @@ class RealtimeHost::Seat : public Outbox {
   void step() {
     watch_clock();
     const Utime next = node_.step(now(), *this);
+    tell_activity();
     timer_.expires_after(std::clamp(next - now(), Duration(), kMaxSleep));
     timer_.async_wait([this](const boost::system::error_code& error) {
       if (!error) step();
     });
+  }
+
+  void tell_activity() {
+    const Utime time = now();
+    if (time < look_.due(time, ActivityLog::kPeriod)) return;
+    look_.done(time);
+    const auto line = activity_log_.update(time, node_.activity(time));
+    if (line) spdlog::log(line->is_warning ? spdlog::level::warn : spdlog::level::info, "{}: {}", name_, line->text);
   }
 
   Utime now() {
@@ -206,6 +217,8 @@ class RealtimeHost::Seat : public Outbox {
   Duration replay_offset_{};
   std::array<Port, 2> ports_;
   boost::asio::steady_timer timer_;
+  ActivityLog activity_log_;
+  Recurring look_;  // at what the node is about
   RateLimit send_warnings_, clock_warnings_, forged_warnings_;
 };
 

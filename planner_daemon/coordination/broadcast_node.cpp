@@ -18,6 +18,7 @@ namespace swarm {
 namespace {
 
 using sogm_swarm::announcement_t;
+using sogm_swarm::broadcast_status_t;
 
 constexpr Duration kMaxAge = 1s;  // of messages from peers and planner
 constexpr Duration kStatusPeriod = 1s;
@@ -172,6 +173,7 @@ Refusal BroadcastNode::on_candidate(Utime now, std::span<const std::uint8_t> byt
                                                   : examine(now, candidate);
   if (rejection == Rejection::kNone) rejection = protocol_.propose(now, candidate, message.urgent != 0);
   ++rejected_[static_cast<std::size_t>(rejection)];
+  if (state(now) != broadcast_status_t::kFlying) committed_ = {now, candidates_, rejected_};
   return Refusal::kNone;
 }
 
@@ -312,8 +314,9 @@ void BroadcastNode::advance(Utime now) {
 }
 
 void BroadcastNode::commit(Utime now) {
-  if (!clock_is_stepped_ && !identity_.has_twin(now) && protocol_.may_commit(now))
-    protocol_.commit([&](const announcement_t& promise) { return keep(now, promise), !store_fails_; });
+  if (clock_is_stepped_ || identity_.has_twin(now) || !protocol_.may_commit(now)) return;
+  protocol_.commit([&](const announcement_t& promise) { return keep(now, promise), !store_fails_; });
+  if (!store_fails_) committed_ = {now, candidates_, rejected_};
 }
 
 Utime BroadcastNode::step(Utime now, Outbox& outbox) {
@@ -390,17 +393,19 @@ std::int32_t BroadcastNode::lost() const {
   return sum;
 }
 
+std::int16_t BroadcastNode::state(Utime now) const {
+  if (!motion()) return broadcast_status_t::kNoState;
+  if (store_fails_) return broadcast_status_t::kNoStorage;
+  if (identity_.has_twin(now)) return broadcast_status_t::kTwin;
+  if (!clocks_agree(now)) return broadcast_status_t::kClock;
+  if (tracking_.was_off_course(now)) return broadcast_status_t::kOffCourse;
+  return protocol_.all_hear() ? broadcast_status_t::kFlying : broadcast_status_t::kWaiting;
+}
+
 void BroadcastNode::publish_status(Utime now, Outbox& outbox) {
-  using sogm_swarm::broadcast_status_t;
   broadcast_status_t status{};
   status.header = status_headers_.next(now);
-  status.state = !motion()                       ? broadcast_status_t::kNoState
-                 : store_fails_                  ? broadcast_status_t::kNoStorage
-                 : identity_.has_twin(now)       ? broadcast_status_t::kTwin
-                 : !clocks_agree(now)            ? broadcast_status_t::kClock
-                 : tracking_.was_off_course(now) ? broadcast_status_t::kOffCourse
-                 : !protocol_.all_hear()         ? broadcast_status_t::kWaiting
-                                                 : broadcast_status_t::kFlying;
+  status.state = state(now);
   status.candidates = candidates_;
   status.commits = protocol_.commits();
   status.forced = protocol_.forced();

@@ -57,6 +57,7 @@ class BroadcastNode : public Node {
   // Not while the robot moves, or its setpoints would jump: what is committed is flown to its end by the time it was
   // committed in, and nothing is committed meanwhile.
   bool on_clock_step(Utime now, Duration step) override;
+  Activity activity(Utime now) const override;
 
   const CommitProtocol& protocol() const { return protocol_; }
   // The motion this robot is bound to; none before the first robot state.
@@ -97,6 +98,8 @@ class BroadcastNode : public Node {
   void keep(Utime now, sogm_swarm::announcement_t promise);  // see store_fails_
   bool clocks_agree(Utime now) const { return !clock_is_stepped_ && now > clock_doubt_until_; }
   void doubt_clock_of(int id, Utime now);
+  std::int16_t state(Utime now) const;        // one of broadcast_status_t's
+  Activity flight_activity(Utime now) const;  // of one that may commit
   // The robot whose messages' delay an announcement tells.
   int told_about(const sogm_swarm::header_t& header) const;
 
@@ -126,6 +129,12 @@ class BroadcastNode : public Node {
   bool has_news_ = false;
   Recurring news_, announcement_, setpoint_, status_;
   std::int32_t candidates_ = 0;
+  struct Tally {
+    Utime utime{};
+    std::int32_t candidates = 0;
+    std::array<std::int32_t, kNumRejections> rejected{};
+  };
+  Tally committed_;  // what there was when something was last committed, or nothing could be
 };
 
 }  // namespace swarm

@@ -117,11 +117,14 @@ TEST_F(Processes, FlyToTheEnd) {
   const auto report = nlohmann::json::parse(read_text(directory_ / "run/report.json"));
   EXPECT_EQ(report["mode"], "processes");
   for (const auto& robot : report["robots"]) EXPECT_GT(robot["plans"], 0);
-  for (const char* robot : {"robot0", "robot1"}) {
-    for (const char* daemon : {"map", "planner", "broadcast"}) {
-      const fs::path stem = directory_ / ("run/" + std::string(robot) + "-" + daemon);
+  const std::pair<std::string, std::string> about[] = {
+      {"map", "makes maps"}, {"planner", "plans to ["}, {"broadcast", "ready: "}};
+  for (const std::string robot : {"robot0", "robot1"}) {
+    for (const auto& [daemon, activity] : about) {
+      const fs::path stem = directory_ / ("run/" + robot + "-" + daemon);
       EXPECT_GT(fs::file_size(stem.string() + ".cfg"), 0u) << stem;
       const std::string log = read_text(stem.string() + ".log");
+      EXPECT_NE(log.find("info " + daemon + "_daemon: " + activity), log.npos) << log;
       EXPECT_NE(log.find("stopped by SIGTERM"), log.npos) << log;  // and no sanitizer had the last word
     }
   }

@@ -153,6 +153,18 @@ TEST(MapNode, NoMapsWithoutState) {
   EXPECT_EQ(f.out.maps, 1);  // at once
 }
 
+TEST(MapNode, SaysWhatItWaitsFor) {
+  Fixture f;
+  EXPECT_EQ(f.node.activity(f.now).text, "waits for ROBOT_STATE");
+  f.send_state();
+  EXPECT_EQ(f.node.activity(f.now).text, "makes maps around the robot");
+  EXPECT_FALSE(f.node.activity(f.now).waits);
+  f.run_for(2.0);
+  EXPECT_EQ(f.node.activity(f.now).text, "waits for ROBOT_STATE");
+  EXPECT_EQ(f.node.activity(f.now).detail, "the last one is 2.0 s old");
+  EXPECT_TRUE(f.node.activity(f.now).waits);
+}
+
 TEST(MapNode, FirstMapWaitsForObstaclesButNotLong) {
   Fixture with_obstacles, without;
   with_obstacles.send_state();

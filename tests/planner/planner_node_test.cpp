@@ -57,6 +57,29 @@ TEST(PlannerNode, StatusSaysThatNoWayLeadsToTheGoal) {
   EXPECT_EQ(f.status().state, planner_status_t::kPlanning);
 }
 
+TEST(PlannerNode, SaysWhatItWaitsFor) {
+  PlannerNodeConfig config = Fixture::make_config();
+  config.planner.limits.space_max.z() = 3.0;
+  Fixture f(config);
+  const auto says = [&f] { return f.node.activity(f.now).text; };
+  EXPECT_EQ(says(), "waits for SOGM");
+  f.send_map();
+  EXPECT_EQ(says(), "waits for OWN_TRAJECTORY");
+  f.send_hover();
+  EXPECT_EQ(says(), "waits for GOAL");
+  EXPECT_TRUE(f.node.activity(f.now).waits);
+  f.start({1, 0, 1});
+  EXPECT_EQ(says(), "plans to [1,0,1]");
+  EXPECT_FALSE(f.node.activity(f.now).waits);
+  f.run_for(1.25);
+  EXPECT_EQ(says(), "waits for SOGM");
+  EXPECT_EQ(f.node.activity(f.now).detail.find("the last one is 1."), 0u) << f.node.activity(f.now).detail;
+  Fixture above(config);
+  above.start({1, 0, 4});
+  EXPECT_EQ(above.node.activity(above.now).text, "plans, but no way leads to [1,0,4]");
+  EXPECT_TRUE(above.node.activity(above.now).waits);
+}
+
 // Who is not heard may have stepped aside: the way past it leads farther off.
 TEST(PlannerNode, KeepsFarFromSilentPeers) {
   double nearest[2] = {INFINITY, INFINITY};

@@ -1,0 +1,47 @@
+// When the log is told what a node is about.
+#include "lcmtypes/bus/activity.h"
+
+#include <gtest/gtest.h>
+
+namespace swarm {
+namespace {
+
+class ActivityLogTest : public testing::Test {
+ protected:
+  // What is written at `at`; "-": nothing.
+  std::string line(Duration at, const Activity& activity) {
+    const auto line = log_.update(Utime(1000s) + at, activity);
+    return line ? (line->is_warning ? "WARNING " : "") + line->text : "-";
+  }
+
+  ActivityLog log_;
+};
+
+TEST_F(ActivityLogTest, WhatIsNewIsSaidOnce) {
+  EXPECT_EQ(line(0s, {}), "-");
+  EXPECT_EQ(line(1s, {.text = "flies"}), "flies");
+  EXPECT_EQ(line(2s, {.text = "flies", .detail = "at 2 m/s"}), "-");
+  EXPECT_EQ(line(60s, {.text = "flies"}), "-");
+  EXPECT_EQ(line(61s, {.text = "rests", .detail = "at the goal"}), "rests: at the goal");
+  EXPECT_EQ(line(62s, {.text = "flies"}), "flies");
+}
+
+TEST_F(ActivityLogTest, WhatIsWaitedForIsSaidAgain) {
+  EXPECT_EQ(line(0s, waits_for("GOAL")), "waits for GOAL");
+  EXPECT_EQ(line(9s, waits_for("GOAL", "for 9 s")), "-");
+  EXPECT_EQ(line(10s, waits_for("GOAL", "for 10 s")), "WARNING still waits for GOAL: for 10 s");
+  EXPECT_EQ(line(19s, waits_for("GOAL")), "-");
+  EXPECT_EQ(line(20s, waits_for("GOAL")), "WARNING still waits for GOAL");
+  EXPECT_EQ(line(21s, waits_for("SOGM")), "waits for SOGM");
+  EXPECT_EQ(line(30s, waits_for("SOGM")), "-");
+  EXPECT_EQ(line(31s, waits_for("SOGM")), "WARNING still waits for SOGM");
+}
+
+TEST_F(ActivityLogTest, AClockThatIsSetBackDelaysNothing) {
+  EXPECT_EQ(line(100s, waits_for("GOAL")), "waits for GOAL");
+  EXPECT_EQ(line(1s, waits_for("GOAL")), "-");
+  EXPECT_EQ(line(11s, waits_for("GOAL")), "WARNING still waits for GOAL");
+}
+
+}  // namespace
+}  // namespace swarm
