@@ -342,7 +342,8 @@ Activity PlannerNode::activity(Utime now) const {
       break;
   }
   const std::string goal = text_of(mission_.waypoint().position);
-  if (newest_ == nullptr || !newest_->is_unreachable) return {.text = "plans to " + goal};
+  const bool is_of_this_goal = request_.goal == mission_.waypoint().position;
+  if (planning_state() == planner_status_t::kPlanning || !is_of_this_goal) return {.text = "plans to " + goal};
   return {true, "plans, but no way leads to " + goal, "by all that is known to stand still"};
 }
 

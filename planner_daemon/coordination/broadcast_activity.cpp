@@ -10,7 +10,8 @@ namespace {
 
 using sogm_swarm::broadcast_status_t;
 
-constexpr Duration kNothingFor = 3s;  // without a commit, though the planner asks for some
+constexpr Duration kInVainFor = 3s;   // the planner sends candidates, and none is committed
+constexpr Duration kStillAsked = 1s;  // the newest is no older; a peer that was not heard for so long is silent
 
 void add(const std::string& separator, const std::string& item, std::string* list) {
   list->append(list->empty() ? "" : separator).append(item);
@@ -26,17 +27,12 @@ Activity BroadcastNode::activity(Utime now) const {
       return {true, "commits nothing: promises cannot be kept in " + config_.state_dir, {}};
     case broadcast_status_t::kTwin:
       return {true, "commits nothing: another broadcaster speaks as robot " + std::to_string(config_.robot_id), {}};
-    case broadcast_status_t::kClock: {
-      std::string offsets;
-      for (const auto& [id, link] : links_) {
-        if (const auto offset = link.clock.offset())
-          add(", ", "robot " + std::to_string(id) + "'s by " + fixed(to_ms(*offset), 1) + " ms", &offsets);
-      }
-      return {
-          true,
-          clock_is_stepped_ ? "commits nothing until it rests: the clock was set" : "commits nothing: clocks differ",
-          offsets.empty() ? "by how much is not known yet" : "from this one " + offsets};
-    }
+    case broadcast_status_t::kClock:
+      if (clock_is_stepped_) return {true, "commits nothing until it rests: the clock was set", {}};
+      if (doubt_.id < 0) return {true, "commits nothing: the clock was set", "peers' clocks are measured anew"};
+      return {true, "commits nothing: clocks differ",
+              "robot " + std::to_string(doubt_.id) + "'s is " + fixed(std::abs(to_ms(doubt_.ahead)), 1) + " ms " +
+                  (doubt_.ahead > 0us ? "ahead" : "behind")};
     case broadcast_status_t::kWaiting: {
       std::string peers;
       for (const auto& [id, peer] : protocol_.peers()) {
@@ -51,20 +47,25 @@ Activity BroadcastNode::activity(Utime now) const {
 }
 
 Activity BroadcastNode::flight_activity(Utime now) const {
-  if (candidates_ == committed_.candidates || now - committed_.utime < kNothingFor)
-    return {.text = "ready: commits what the planner sends and robots agree to"};
-  std::string why, refusing;
+  const bool is_in_vain =
+      in_vain_.count > 0 && now - in_vain_.first >= kInVainFor && now - in_vain_.newest <= kStillAsked;
+  if (!is_in_vain) return {.text = "ready: commits what the planner sends and robots agree to"};
+  std::string why = std::to_string(in_vain_.count) + " candidates";
   for (int i = 1; i < kNumRejections; ++i) {
-    const auto reason = static_cast<Rejection>(i);
-    if (rejected(reason) > committed_.rejected[static_cast<std::size_t>(i)]) add(", ", to_string(reason), &why);
+    const std::int32_t count = in_vain_.rejected[static_cast<std::size_t>(i)];
+    if (count > 0) why.append(", ").append(to_string(static_cast<Rejection>(i))).append(" ") += std::to_string(count);
   }
+  const Motion& bound = *motion();
+  const std::int32_t newest_seq = bound.next.empty() ? bound.committed.seq() : bound.next.seq();
   for (const auto& [id, peer] : protocol_.peers()) {
-    if (peer.our_verdict == sogm_swarm::ack_t::kNack) add(", ", std::to_string(id), &refusing);
+    const Duration silent = now - links_.at(id).heard;
+    if (silent > kStillAsked)
+      why += ", robot " + std::to_string(id) + " silent for " + fixed(to_seconds(silent), 1) + " s";
+    // Of one with a higher id nobody waits for the word.
+    if (id < config_.robot_id && peer.our_verdict == sogm_swarm::ack_t::kNack && peer.our_seq > newest_seq)
+      why += ", refused by robot " + std::to_string(id);
   }
-  if (!refusing.empty()) add("; ", "refused by robot " + refusing, &why);
-  const std::string count = std::to_string(candidates_ - committed_.candidates) + " candidates";
-  return {true, "commits nothing" + (why.empty() ? "" : ": " + why),
-          count + (committed_.candidates > 0 ? " since the last commit" : "")};
+  return {true, "commits nothing of what the planner sends", why};
 }
 
 }  // namespace swarm

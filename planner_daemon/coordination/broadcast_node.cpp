@@ -173,7 +173,10 @@ Refusal BroadcastNode::on_candidate(Utime now, std::span<const std::uint8_t> byt
                                                   : examine(now, candidate);
   if (rejection == Rejection::kNone) rejection = protocol_.propose(now, candidate, message.urgent != 0);
   ++rejected_[static_cast<std::size_t>(rejection)];
-  if (state(now) != broadcast_status_t::kFlying) committed_ = {now, candidates_, rejected_};
+  if (in_vain_.count++ == 0) in_vain_.first = now;
+  in_vain_.newest = now;
+  ++in_vain_.rejected[static_cast<std::size_t>(rejection)];
+  if (state(now) != broadcast_status_t::kFlying) in_vain_ = {};
   return Refusal::kNone;
 }
 
@@ -214,7 +217,8 @@ Refusal BroadcastNode::on_peer(Utime now, std::span<const std::uint8_t> bytes) {
   const Refusal refusal = receive(bytes, from_peer, lately, in_order, &message);
   if (refusal == Refusal::kRobot && message.header.robot_id == config_.robot_id)  // multicast returns our own
     return identity_.is_of_twin(now, message.header) ? Refusal::kRobot : Refusal::kNone;
-  if (refusal == Refusal::kTime && to_utime(message.header.utime) > now) doubt_clock_of(message.header.robot_id, now);
+  if (refusal == Refusal::kTime && to_utime(message.header.utime) > now)
+    doubt_clock_of(message.header.robot_id, now, to_utime(message.header.utime) - now);
   if (refusal != Refusal::kNone) return refusal;
   const int id = message.header.robot_id;
   Link& link = links_.at(id);
@@ -226,7 +230,7 @@ Refusal BroadcastNode::on_peer(Utime now, std::span<const std::uint8_t> bytes) {
   link.clock.heard(now, to_utime(message.header.utime));
   if (told_about(message.header) == config_.robot_id && message.least_delay_us != announcement_t::kUnknown)
     link.clock.told(Duration(message.least_delay_us));
-  if (link.clock.beyond(to_duration(config_.clock_error_s))) doubt_clock_of(id, now);
+  if (link.clock.beyond(to_duration(config_.clock_error_s))) doubt_clock_of(id, now, -*link.clock.offset());
   link.boot = message.header.boot;
   link.seq = message.header.seq;
   link.newest = std::move(message);
@@ -277,7 +281,8 @@ int BroadcastNode::told_about(const sogm_swarm::header_t& header) const {
 }
 
 // For a while, and at least as long as the peer moves.
-void BroadcastNode::doubt_clock_of(int id, Utime now) {
+void BroadcastNode::doubt_clock_of(int id, Utime now, Duration ahead) {
+  doubt_ = {id, ahead};
   const CommitProtocol::Peer& peer = protocol_.peers().at(id);
   const Utime rests = peer.heard ? std::min(peer.motion.end_utime(), now + kMaxMotion) : Utime();
   clock_doubt_until_ = std::max({clock_doubt_until_, now + kClockDoubt, rests});
@@ -299,6 +304,8 @@ bool BroadcastNode::on_clock_step(Utime now, Duration step) {
   }
   // As long as it takes to measure the clocks anew, and as peers may fly on by theirs.
   clock_doubt_until_ = then + (links_.empty() ? kClockDoubt : kMaxMotion);
+  doubt_ = {};
+  in_vain_ = {};
   protocol_.set_clock(then, step);
   if (motion()) keep(then, protocol_.state());
   return true;
@@ -316,7 +323,7 @@ void BroadcastNode::advance(Utime now) {
 void BroadcastNode::commit(Utime now) {
   if (clock_is_stepped_ || identity_.has_twin(now) || !protocol_.may_commit(now)) return;
   protocol_.commit([&](const announcement_t& promise) { return keep(now, promise), !store_fails_; });
-  if (!store_fails_) committed_ = {now, candidates_, rejected_};
+  if (!store_fails_) in_vain_ = {};
 }
 
 Utime BroadcastNode::step(Utime now, Outbox& outbox) {

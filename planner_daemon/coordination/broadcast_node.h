@@ -97,9 +97,9 @@ class BroadcastNode : public Node {
   void commit(Utime now);                                    // what is agreed on
   void keep(Utime now, sogm_swarm::announcement_t promise);  // see store_fails_
   bool clocks_agree(Utime now) const { return !clock_is_stepped_ && now > clock_doubt_until_; }
-  void doubt_clock_of(int id, Utime now);
-  std::int16_t state(Utime now) const;        // one of broadcast_status_t's
-  Activity flight_activity(Utime now) const;  // of one that may commit
+  void doubt_clock_of(int id, Utime now, Duration ahead);  // by so much it is ahead, or more
+  std::int16_t state(Utime now) const;                     // one of broadcast_status_t's
+  Activity flight_activity(Utime now) const;               // of one that may commit
   // The robot whose messages' delay an announcement tells.
   int told_about(const sogm_swarm::header_t& header) const;
 
@@ -129,12 +129,17 @@ class BroadcastNode : public Node {
   bool has_news_ = false;
   Recurring news_, announcement_, setpoint_, status_;
   std::int32_t candidates_ = 0;
-  struct Tally {
-    Utime utime{};
-    std::int32_t candidates = 0;
+  struct InVain {  // candidates since one was committed, or any could be
+    int count = 0;
+    Utime first{}, newest{};
     std::array<std::int32_t, kNumRejections> rejected{};
   };
-  Tally committed_;  // what there was when something was last committed, or nothing could be
+  InVain in_vain_;
+  struct Doubt {  // whose clock was found wrong last
+    int id = -1;  // none: the own one was set
+    Duration ahead{};
+  };
+  Doubt doubt_;
 };
 
 }  // namespace swarm
