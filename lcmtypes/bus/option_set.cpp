@@ -96,9 +96,10 @@ std::vector<Given> read_command_line(const po::options_description& options, int
                             .run();
     for (const auto& option : parsed.options) {
       append(&given, option, "--");
-      if (option.string_key.empty() && given.back().text.starts_with('-')) {
-        throw OptionError("unknown option '" + given.back().text + "'");
-      }
+      const std::string& text = given.back().text;  // an argument may be a number below 0
+      const bool is_number = text.size() > 1 && (text[1] == '.' || (text[1] >= '0' && text[1] <= '9'));
+      if (option.string_key.empty() && text.starts_with('-') && !is_number)
+        throw OptionError("unknown option '" + text + "'");
     }
   } catch (const po::unknown_option& error) {
     const std::string name = error.get_option_name();

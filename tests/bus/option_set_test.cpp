@@ -88,6 +88,7 @@ TEST(OptionSet, TakesAnyNumberOfLastArguments) {
   using Words = std::vector<std::string>;
   EXPECT_EQ(logs_of({"city.json"}), (Words{"city.json"}));
   EXPECT_EQ(logs_of({"city.json", "a.lcm", "--threads", "3", "b.lcm"}), (Words{"city.json", "a.lcm", "b.lcm"}));
+  EXPECT_EQ(logs_of({"city.json", "-3,2,1", "-.5"}), (Words{"city.json", "-3,2,1", "-.5"}));  // numbers, no options
   EXPECT_THROW(logs_of({}), OptionError);
   EXPECT_THROW(logs_of({"city.json", ""}), OptionError);
 }
@@ -151,6 +152,7 @@ TEST(OptionSet, SaysWhatIsWrongOnTheCommandLine) {
   EXPECT_EQ(run({"--foo=3"}).error, "unknown option '--foo'");
   EXPECT_EQ(run({"--reso", "0.2"}).error, "unknown option '--reso'");  // no guessing
   EXPECT_EQ(run({"-h"}).error, "unknown option '-h'");
+  EXPECT_EQ(run({"-"}).error, "unknown option '-'");
   EXPECT_EQ(run({"stray"}).error, "unexpected argument 'stray' (see --help)");
   EXPECT_EQ(run({"--threads", "3", "--threads", "3"}).error, "--threads: given twice");
   EXPECT_EQ(run({"--config", "/no/such.cfg"}).error, "/no/such.cfg: cannot be read");

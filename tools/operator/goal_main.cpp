@@ -1,0 +1,166 @@
+// swarm_goal: see goal_order.h and goal_node.h.
+#include <spdlog/spdlog.h>
+
+#include <boost/asio/steady_timer.hpp>
+#include <cstdlib>
+#include <iostream>
+#include <memory>
+
+#include "lcmtypes/bus/boot.h"
+#include "lcmtypes/bus/bus_url.h"
+#include "lcmtypes/bus/realtime_host.h"
+#include "lcmtypes/bus/text.h"
+#include "tools/operator/goal_node.h"
+
+namespace swarm {
+namespace {
+
+using Progress = GoalNode::Progress;
+using sogm_swarm::planner_status_t;
+
+constexpr char kUsage[] =
+    "Tells robots where to go: ROBOT X Y Z, or for several robots or places ROBOT X,Y,Z [X,Y,Z...] or ROBOT hold, in W "
+    "[m]. Ends when every planner has said that it knows. A planner that starts anew later waits for a goal again.\n"
+    "Exit codes: 0 told (with --arrive: there), 1 not, 2 bad input.";
+
+std::string what_for(std::int16_t planner_state) {
+  switch (planner_state) {
+    case planner_status_t::kNoMap:
+    case planner_status_t::kStaleMap:
+      return "a map";
+    case planner_status_t::kNoCommitted:
+      return "the broadcaster";
+    default:
+      return "this goal";
+  }
+}
+
+std::string url_of(const GoalOrder& order, const std::string& url) {
+  return url.empty() ? onboard_bus_url(kDefaultBasePort, order.robot_id) : url;
+}
+
+std::string line_of(const GoalNode& node, const std::string& url) {
+  const GoalOrder& order = node.order();
+  const std::string robot = "robot " + std::to_string(order.robot_id) + ": ";
+  if (node.progress() == Progress::kSilent) return robot + "nothing was heard of it on " + url_of(order, url);
+  const auto at = static_cast<std::size_t>(std::clamp<std::int64_t>(node.waypoint(), 0, std::ssize(order.mission) - 1));
+  std::string place = text_of(order.mission[at].position);
+  if (order.mission.size() > 1)
+    place += " (" + std::to_string(at + 1) + " of " + std::to_string(order.mission.size()) + ")";
+  switch (node.progress()) {
+    case Progress::kWaits:
+      return robot + "knows, but its planner waits for " + what_for(node.planner_state());
+    case Progress::kUnreachable:
+      return robot + "no way leads to " + place;
+    case Progress::kArrived:
+      return robot + "is at " + place;
+    default:
+      return robot + "flies to " + place;
+  }
+}
+
+// Looks at all of them, says what has changed, and ends the host.
+class Watch {
+ public:
+  Watch(RealtimeHost& host, const std::vector<std::unique_ptr<GoalNode>>& nodes, const std::string& url,
+        bool until_arrival, double patience_s)
+      : host_(host),
+        nodes_(nodes),
+        url_(url),
+        until_arrival_(until_arrival),
+        patience_s_(patience_s),
+        timer_(host.io()) {
+    said_.resize(nodes.size());
+    look();
+  }
+  bool failed() const { return failed_; }
+
+ private:
+  // Whether it has come as far as is asked for.
+  bool is_done(const GoalNode& node) const {
+    return node.progress() == Progress::kArrived || (!until_arrival_ && node.progress() == Progress::kFlies);
+  }
+
+  void look() {
+    const bool is_over = waited_s_ >= patience_s_;
+    bool all_done = true, all_known = true;
+    for (std::size_t i = 0; i < nodes_.size(); ++i) {
+      const GoalNode& node = *nodes_[i];
+      const Progress progress = node.progress();
+      all_done &= is_done(node);
+      all_known &= progress == Progress::kFlies || progress == Progress::kArrived;
+      if (progress == Progress::kFlies || progress == Progress::kArrived || is_over) say(i, line_of(node, url_));
+    }
+    if (all_done || (is_over && !all_known)) {
+      failed_ = !all_done;
+      return host_.stop();
+    }
+    constexpr double kPeriod_s = 0.1;
+    waited_s_ = all_known ? 0.0 : waited_s_ + kPeriod_s;
+    timer_.expires_after(to_duration(kPeriod_s));
+    timer_.async_wait([this](const boost::system::error_code& error) {
+      if (!error) look();
+    });
+  }
+
+  void say(std::size_t robot, const std::string& line) {
+    if (said_[robot] == line) return;
+    said_[robot] = line;
+    std::cout << line << std::endl;
+  }
+
+  RealtimeHost& host_;
+  const std::vector<std::unique_ptr<GoalNode>>& nodes_;
+  std::string url_;
+  bool until_arrival_, failed_ = false;
+  double patience_s_, waited_s_ = 0.0;  // for what is not known to fly
+  std::vector<std::string> said_;
+  boost::asio::steady_timer timer_;
+};
+
+int run(int argc, char** argv) {
+  GoalOptions goal;
+  bool until_arrival = false;
+  double patience_s = 3.0;
+  std::string url;
+  std::vector<std::string> words;
+  OptionSet options("swarm_goal", kUsage);
+  options.add("arrive", &until_arrival, "wait until all have arrived, and say where they are on their way");
+  options.add("tolerance", &goal.tolerance_m, 0.001, 1000, "m", "so near a place counts as reached");
+  options.add("speed", &goal.speed_mps, 0, 100, "m/s", "limit per axis; 0: the robot's");
+  options.add("wait", &goal.wait_s, 0, 86400, "s", "at each place, before the next");
+  options.add("times", &goal.times, 1, 1000, "", "all places, one after the other, so often");
+  options.add("patience", &patience_s, 0.1, 86400, "s", "so long it is waited for planners, maps and ways");
+  options.add("onboard-url", &url,
+              "bus inside the one robot that is named, as on its own computer; empty: robots share this computer, and "
+              "robot ID has port 7700 + ID");
+  options.add_positional("word", &words, "robots and places");
+  if (options.parse(argc, argv, std::cout) == OptionSet::Parsed::kExit) return EXIT_SUCCESS;
+  if (goal.speed_mps > 0.0 && goal.speed_mps < 0.05)
+    throw OptionError("--speed " + text_of(goal.speed_mps) + ": must be 0 or at least 0.05 m/s");
+  const std::vector<GoalOrder> orders = read_orders(words, goal);
+  if (!url.empty() && orders.size() > 1)
+    throw OptionError("--onboard-url " + url + ": only for one robot, not " + std::to_string(orders.size()));
+  spdlog::set_level(spdlog::level::warn);
+  std::vector<std::unique_ptr<GoalNode>> nodes;
+  RealtimeHost host;
+  for (const GoalOrder& order : orders) {
+    nodes.push_back(std::make_unique<GoalNode>(order, new_boot()));
+    host.add("swarm_goal", *nodes.back(), url_of(order, url), "");
+  }
+  const Watch watch(host, nodes, url, until_arrival, patience_s);
+  host.run();
+  return watch.failed() ? EXIT_FAILURE : EXIT_SUCCESS;
+}
+
+}  // namespace
+}  // namespace swarm
+
+int main(int argc, char** argv) {
+  try {
+    return swarm::run(argc, argv);
+  } catch (const std::exception& error) {
+    std::cerr << "swarm_goal: " << error.what() << std::endl;
+    return 2;
+  }
+}

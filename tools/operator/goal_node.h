@@ -1,0 +1,47 @@
+// Tells one robot where to go, until its planner says that it heard it, and looks whether it arrives.
+#pragma once
+
+#include <optional>
+
+#include "lcmtypes/bus/header_source.h"
+#include "lcmtypes/bus/node.h"
+#include "lcmtypes/bus/receive.h"
+#include "lcmtypes/bus/recurring.h"
+#include "tools/operator/goal_order.h"
+
+namespace swarm {
+
+class GoalNode : public Node {
+ public:
+  enum class Progress : std::uint8_t {
+    kSilent,       // neither planner nor, to stay where it is, the robot's state was heard
+    kWaits,        // the planner knows the goal, and waits for something else: status() says what
+    kUnreachable,  // no way leads there, by all that is known to stand still
+    kFlies,
+    kArrived,  // within the tolerance of the last place, after all others
+  };
+
+  // `boot`: grows at every start.
+  GoalNode(GoalOrder order, std::int32_t boot) : order_(std::move(order)), headers_(order_.robot_id, boot) {}
+
+  std::vector<Subscription> subscriptions() const override;
+  void on_message(Utime now, BusId bus, std::string_view channel, std::span<const std::uint8_t> bytes,
+                  Outbox& outbox) override;
+  Utime step(Utime now, Outbox& outbox) override;
+
+  const GoalOrder& order() const { return order_; }  // once it is known where to stay, with that place
+  Progress progress() const;
+  int waypoint() const { return status_ ? status_->waypoint : 0; }  // that it flies to
+  std::int16_t planner_state() const { return status_ ? status_->state : std::int16_t{-1}; }
+
+ private:
+  GoalOrder order_;
+  HeaderSource headers_;
+  std::optional<Utime> told_;  // first
+  Recurring told_again_;
+  std::optional<sogm_swarm::planner_status_t> status_;  // the newest since
+  std::optional<Eigen::Vector3d> position_;
+  SequenceGate state_gate_, status_gate_;
+};
+
+}  // namespace swarm

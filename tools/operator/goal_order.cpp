@@ -1,0 +1,80 @@
+#include "tools/operator/goal_order.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <set>
+
+#include "lcmtypes/bus/text.h"
+
+namespace swarm {
+namespace {
+
+constexpr double kFarthest_m = 1e5;  // goal_t
+constexpr char kRule[] = "must be ROBOT X Y Z, or ROBOT X,Y,Z [X,Y,Z...] or ROBOT hold, for each robot";
+
+bool is_place(const std::string& word) {
+  return word.find(',') != std::string::npos;
+}
+
+double read_coordinate(const std::string& text, const std::string& word) {
+  double value = 0.0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (error != std::errc() || end != text.data() + text.size() || !(std::abs(value) <= kFarthest_m))
+    throw OptionError("place '" + word + "': must be X,Y,Z, each within [-100000, 100000] m");
+  return value;
+}
+
+Eigen::Vector3d read_place(const std::vector<std::string>& coordinates, const std::string& word) {
+  if (coordinates.size() != 3)
+    throw OptionError("place '" + word + "': must be X,Y,Z, each within [-100000, 100000] m");
+  return {read_coordinate(coordinates[0], word), read_coordinate(coordinates[1], word),
+          read_coordinate(coordinates[2], word)};
+}
+
+int read_robot(const std::string& word) {
+  int id = 0;
+  if (!read_amount(word, &id) || id > 32767) throw OptionError("robot '" + word + "': must be an id within [0, 32767]");
+  return id;
+}
+
+Waypoint waypoint_at(const Eigen::Vector3d& position, const GoalOptions& options) {
+  Waypoint waypoint{.position = position, .tolerance_m = options.tolerance_m, .wait = to_duration(options.wait_s)};
+  if (options.speed_mps > 0.0) waypoint.speed_mps = options.speed_mps;
+  return waypoint;
+}
+
+}  // namespace
+
+std::vector<GoalOrder> read_orders(const std::vector<std::string>& words, const GoalOptions& options) {
+  const bool is_one_place = words.size() == 4 && std::ranges::none_of(words, is_place) && words[1] != "hold";
+  if (is_one_place) {
+    const std::vector<std::string> coordinates(words.begin() + 1, words.end());
+    const Eigen::Vector3d place = read_place(coordinates, words[1] + " " + words[2] + " " + words[3]);
+    return {{read_robot(words[0]), Mission(1, waypoint_at(place, options))}};
+  }
+  std::vector<GoalOrder> orders;
+  std::set<int> robots;
+  for (auto word = words.begin(); word != words.end();) {
+    GoalOrder order{read_robot(*word), {}};
+    if (!robots.insert(order.robot_id).second) throw OptionError("robot '" + *word + "': must be named once");
+    const auto first = ++word;
+    while (word != words.end() && is_place(*word))
+      order.mission.push_back(waypoint_at(read_place(split(*word, ','), *word), options)), ++word;
+    const bool holds = word == first && word != words.end() && *word == "hold";
+    if (word == first && !holds) throw OptionError("robot '" + *(first - 1) + "' has no place: " + kRule);
+    if (holds) ++word;
+    const Mission once = order.mission;
+    for (int time = 1; time < options.times; ++time)
+      order.mission.insert(order.mission.end(), once.begin(), once.end());
+    if (std::ssize(order.mission) > sogm_swarm::goal_t::kMaxWaypoints) {
+      throw OptionError("robot '" + *(first - 1) + "': " + std::to_string(order.mission.size()) + " places; at most " +
+                        std::to_string(sogm_swarm::goal_t::kMaxWaypoints));
+    }
+    orders.push_back(std::move(order));
+  }
+  if (orders.empty()) throw OptionError(std::string("nothing to do: ") + kRule);
+  return orders;
+}
+
+}  // namespace swarm
