@@ -30,7 +30,8 @@ void GoalNode::on_message(Utime now, BusId, std::string_view channel, std::span<
   } else {
     planner_status_t status;
     if (receive(bytes, from, window, status_gate_, &status) != Refusal::kNone) return;
-    if (told_ && to_utime(status.header.utime) >= *told_ + kReceived) status_ = status;
+    const bool is_since = told_ && to_utime(status.header.utime) >= *told_ + kReceived;
+    if (is_since && ++answers_ > 1) status_ = status;  // a busy planner may have made the first before it read the goal
   }
 }
 

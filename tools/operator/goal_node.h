@@ -39,7 +39,8 @@ class GoalNode : public Node {
   HeaderSource headers_;
   std::optional<Utime> told_;  // first
   Recurring told_again_;
-  std::optional<sogm_swarm::planner_status_t> status_;  // the newest since
+  int answers_ = 0;                                     // statuses since
+  std::optional<sogm_swarm::planner_status_t> status_;  // the newest of them
   std::optional<Eigen::Vector3d> position_;
   SequenceGate state_gate_, status_gate_;
 };
