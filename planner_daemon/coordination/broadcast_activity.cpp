@@ -24,7 +24,7 @@ Activity BroadcastNode::activity(Utime now) const {
     case broadcast_status_t::kNoState:
       return waits_for(channel::kRobotState);
     case broadcast_status_t::kNoStorage:
-      return {true, "commits nothing: promises cannot be kept in " + config_.state_dir, {}};
+      return {true, "commits nothing: --state-dir " + config_.state_dir + ": cannot be written", {}};
     case broadcast_status_t::kTwin:
       return {true, "commits nothing: another broadcaster speaks as robot " + std::to_string(config_.robot_id), {}};
     case broadcast_status_t::kClock:

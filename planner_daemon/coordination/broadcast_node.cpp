@@ -155,10 +155,7 @@ void BroadcastNode::keep(Utime now, announcement_t promise) {
   promise.header = promise_headers_.next(now);
   std::vector<std::uint8_t> bytes;
   encode(promise, &bytes);
-  const bool failed = std::exchange(store_fails_, !store_.save(bytes));
-  if (store_fails_ && !failed)
-    spdlog::error("--state-dir {}: cannot be written: nothing is committed until it can", config_.state_dir);
-  if (!store_fails_ && failed) spdlog::warn("--state-dir {}: can be written again", config_.state_dir);
+  store_fails_ = !store_.save(bytes);
 }
 
 Refusal BroadcastNode::on_candidate(Utime now, std::span<const std::uint8_t> bytes) {

@@ -50,11 +50,12 @@ TEST(GoalOrder, WhatMakesNoSenseIsNamed) {
   EXPECT_EQ(refusal_of({"1"}).find("robot '1' has no place: must be ROBOT X Y Z"), 0u);
   EXPECT_EQ(refusal_of({"1", "2", "3"}).find("robot '1' has no place"), 0u);
   EXPECT_EQ(refusal_of({"1", "2", "3", "4", "5"}).find("robot '1' has no place"), 0u);
-  for (const char* place : {"1,2", "1,2,3,4", "1,2,", "1,2,x", "1,2,3m", "1,2,nan", "1,2,inf", "1,2,100001"}) {
+  for (const char* place :
+       {"1,2", "1,2,3,4", "1,2,", "1,2,x", "1,2,3m", "1,2,nan", "1,2,inf", "1,2,--3", "1,2,-", "1,2,100001"}) {
     EXPECT_EQ(refusal_of({"1", place}),
               "place '" + std::string(place) + "': must be X,Y,Z, each within [-100000, 100000] m");
   }
-  EXPECT_EQ(refusal_of({"1", "2", "3", "z"}), "place '2 3 z': must be X,Y,Z, each within [-100000, 100000] m");
+  EXPECT_EQ(refusal_of({"1", "2", "3", "z"}), "place '2,3,z': must be X,Y,Z, each within [-100000, 100000] m");
   EXPECT_EQ(refusal_of({"1", "2,3,4", "hold"}), "robot 'hold': must be an id within [0, 32767]");
   EXPECT_EQ(refusal_of({"1", "1,2,3", "4,5,6"}, {.times = 501}), "robot '1': 1002 places; at most 1000");
 }

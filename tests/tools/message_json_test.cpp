@@ -46,7 +46,7 @@ class MessageJson : public ::testing::Test {};
 TYPED_TEST_SUITE(MessageJson, AllTypes);
 
 TYPED_TEST(MessageJson, HasTheFieldsOfTheLcmFile) {
-  Random random(1);
+  random_messages::Random random(1);
   std::vector<std::string> names = field_names(TypeParam::getTypeName());
   ASSERT_GT(names.size(), 1u);
   if (std::is_same_v<TypeParam, sogm_t>) names.pop_back();  // its bytes
@@ -55,7 +55,7 @@ TYPED_TEST(MessageJson, HasTheFieldsOfTheLcmFile) {
 }
 
 TYPED_TEST(MessageJson, HasTheNumbersAndFitsItsSchema) {
-  Random random(2);
+  random_messages::Random random(2);
   const Json schema = json_schema<TypeParam>();
   EXPECT_EQ(schema.at("title"), schema_name<TypeParam>());
   EXPECT_EQ(unreadable(schema), "");
@@ -83,7 +83,7 @@ TYPED_TEST(MessageJson, HasTheNumbersAndFitsItsSchema) {
 }
 
 TYPED_TEST(MessageJson, NumbersThatAreNotFiniteAreNull) {
-  Random random(3);
+  random_messages::Random random(3);
   TypeParam message = make<TypeParam>(random, 2);
   int reals = 0;
   each_real(message, [&](auto& value) {
@@ -103,7 +103,7 @@ TEST(MessageJsonOf, FloatsAreShort) {
 }
 
 TEST(MessageJsonOf, TrajectoriesHaveTheKnotsThatSaySomething) {
-  Random random(4);
+  random_messages::Random random(4);
   announcement_t message{};
   message.committed = make_trajectory(random, 1000);
   message.committed.num_pieces = 3;
@@ -117,7 +117,7 @@ TEST(MessageJsonOf, TrajectoriesHaveTheKnotsThatSaySomething) {
 }
 
 TEST(MessageJsonOf, VoxelsAndElementsAreObjects) {
-  Random random(5);
+  random_messages::Random random(5);
   auto voxels = make<obstacle_voxels_t>(random, 2);
   voxels.voxels[1] = {-3, 4, 5};
   EXPECT_EQ(to_json(voxels)["voxels"][1].dump(), R"({"x":-3,"y":4,"z":5})");

@@ -59,7 +59,7 @@ TEST(BodyTarget, PushesAlongItsAxisWithTheNoseAboveItsYaw) {
   }
 }
 
-MotionState state_at(const Vector3d& position, const Vector3d& velocity = Vector3d::Zero()) {
+MotionState resting_at(const Vector3d& position, const Vector3d& velocity = Vector3d::Zero()) {
   MotionState state;
   state.position = position;
   state.velocity = velocity;
@@ -69,7 +69,7 @@ MotionState state_at(const Vector3d& position, const Vector3d& velocity = Vector
 TEST(PositionController, PushesAgainstWhatIsAmiss) {
   PositionController controller({.position_per_s2 = 5, .velocity_per_s = 3, .integral_per_s3 = 0});
   const Vector3d thrust =
-      controller.thrust(state_at({0.2, 0, 1}, {0, 0.5, 0}), {0, 0, 1}, state_at({0, 0, 1.1}, {0, 0, 0.1}), 0.01);
+      controller.thrust(resting_at({0.2, 0, 1}, {0, 0.5, 0}), {0, 0, 1}, resting_at({0, 0, 1.1}, {0, 0, 0.1}), 0.01);
   EXPECT_LT((thrust - Vector3d(1.0, 1.5, 9.81 + 1 - 0.5 - 0.3)).norm(), 1e-12);
 }
 
@@ -82,7 +82,7 @@ TEST(PositionController, KeepsToTiltAndThrust) {
       return Vector3d(uniform(rng, -most, most), uniform(rng, -most, most), uniform(rng, -most, most));
     };
     const Vector3d thrust =
-        controller.thrust(state_at(any(3), any(5)), any(10), state_at(any(3), any(5)), uniform(rng, 0, 0.05));
+        controller.thrust(resting_at(any(3), any(5)), any(10), resting_at(any(3), any(5)), uniform(rng, 0, 0.05));
     EXPECT_LE(std::atan2(thrust.head<2>().norm(), thrust.z()), kThirty + 1e-9);
     EXPECT_LE(thrust.norm(), 9.81 / 0.6 + 1e-9);
     EXPECT_GT(thrust.z(), 1.0);
@@ -93,7 +93,7 @@ TEST(PositionController, KeepsToTiltAndThrust) {
 TEST(PositionController, TheIntegralIsBounded) {
   PositionController controller({.position_per_s2 = 1, .velocity_per_s = 1, .integral_per_s3 = 1, .tilt_max_deg = 15});
   const auto push = [&](double amiss_m) {
-    return controller.thrust(state_at({amiss_m, 0, 0}), Vector3d::Zero(), state_at({0, 0, 0}), 0.01).x();
+    return controller.thrust(resting_at({amiss_m, 0, 0}), Vector3d::Zero(), resting_at({0, 0, 0}), 0.01).x();
   };
   EXPECT_NEAR(push(0.1), 0.101, 1e-9);
   for (int i = 0; i < 1000; ++i) (void)push(0.1);
@@ -115,10 +115,10 @@ TEST(PositionController, ComesFromFarAwayGently) {
   for (const double away_m : {3.0, 30.0}) {
     const auto vehicle = make_quadrotor(QuadrotorBody(), {.kind = "quadrotor"}, {0, 0, 1}, 1, 1);
     PositionController controller{PositionGains()};
-    MotionState is = state_at({0, 0, 1});
+    MotionState is = resting_at({0, 0, 1});
     double fastest_mps = 0.0;
     for (int i = 0; i < 800; ++i) {
-      is = vehicle->push(controller.thrust(state_at({away_m, 0, 1}), Vector3d::Zero(), is, VehicleModel::kStep_s));
+      is = vehicle->push(controller.thrust(resting_at({away_m, 0, 1}), Vector3d::Zero(), is, VehicleModel::kStep_s));
       fastest_mps = std::max(fastest_mps, is.velocity.norm());
     }
     EXPECT_LT(fastest_mps, 2.5) << away_m;
@@ -136,7 +136,7 @@ TEST(PositionController, AQuadrotorInTheWindFollowsThroughIt) {
   const auto wanted_at = [](double t_s) {
     const double speed = std::min(2.0, 0.5 * t_s), angle = t_s < 4 ? 0.25 * t_s * t_s / 1.5 : (4 + 2 * (t_s - 4)) / 1.5;
     const double rate = speed / 1.5, c = std::cos(angle), s = std::sin(angle), growth = t_s < 4 ? 0.5 : 0.0;
-    MotionState state = state_at({1.5 * c, 1.5 * s, 1}, speed * Vector3d(-s, c, 0));
+    MotionState state = resting_at({1.5 * c, 1.5 * s, 1}, speed * Vector3d(-s, c, 0));
     state.acceleration = growth * Vector3d(-s, c, 0) - speed * rate * Vector3d(c, s, 0);
     state.jerk = speed * rate * rate * Vector3d(s, -c, 0);
     return state;
@@ -146,7 +146,7 @@ TEST(PositionController, AQuadrotorInTheWindFollowsThroughIt) {
   std::vector<double> off_m;
   for (int i = 0; i < 2400; ++i) {
     const double t_s = i * VehicleModel::kStep_s;
-    if (i % 2 == 0) heard = state_at(is.position, is.velocity), heard_s = t_s;
+    if (i % 2 == 0) heard = resting_at(is.position, is.velocity), heard_s = t_s;
     const MotionState wanted = wanted_at(t_s);
     heard.acceleration = wanted.acceleration;
     const Vector3d thrust = controller.thrust(wanted, fitted(wanted, fit).acceleration,

@@ -15,7 +15,7 @@ class GoalNode : public Node {
  public:
   enum class Progress : std::uint8_t {
     kSilent,       // neither planner nor, to stay where it is, the robot's state was heard
-    kWaits,        // the planner knows the goal, and waits for something else: status() says what
+    kWaits,        // the planner knows the goal, and waits for something else, see planner_state()
     kUnreachable,  // no way leads there, by all that is known to stand still
     kFlies,
     kArrived,  // within the tolerance of the last place, after all others

@@ -1,8 +1,6 @@
 #include "tools/operator/goal_order.h"
 
 #include <algorithm>
-#include <charconv>
-#include <cmath>
 #include <set>
 
 #include "lcmtypes/bus/text.h"
@@ -17,19 +15,18 @@ bool is_place(const std::string& word) {
   return word.find(',') != std::string::npos;
 }
 
-double read_coordinate(const std::string& text, const std::string& word) {
-  double value = 0.0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc() || end != text.data() + text.size() || !(std::abs(value) <= kFarthest_m))
-    throw OptionError("place '" + word + "': must be X,Y,Z, each within [-100000, 100000] m");
-  return value;
-}
-
-Eigen::Vector3d read_place(const std::vector<std::string>& coordinates, const std::string& word) {
-  if (coordinates.size() != 3)
-    throw OptionError("place '" + word + "': must be X,Y,Z, each within [-100000, 100000] m");
-  return {read_coordinate(coordinates[0], word), read_coordinate(coordinates[1], word),
-          read_coordinate(coordinates[2], word)};
+Eigen::Vector3d read_place(const std::string& word) {
+  const std::vector<std::string> coordinates = split(word, ',');
+  Eigen::Vector3d place;
+  bool is_good = coordinates.size() == 3;
+  for (std::size_t axis = 0; is_good && axis < 3; ++axis) {
+    const bool is_negative = coordinates[axis].starts_with('-');
+    double amount = 0.0;
+    is_good = read_amount(coordinates[axis].substr(is_negative ? 1 : 0), &amount) && amount <= kFarthest_m;
+    place[static_cast<Eigen::Index>(axis)] = is_negative ? -amount : amount;
+  }
+  if (!is_good) throw OptionError("place '" + word + "': must be X,Y,Z, each within [-100000, 100000] m");
+  return place;
 }
 
 int read_robot(const std::string& word) {
@@ -48,11 +45,7 @@ Waypoint waypoint_at(const Eigen::Vector3d& position, const GoalOptions& options
 
 std::vector<GoalOrder> read_orders(const std::vector<std::string>& words, const GoalOptions& options) {
   const bool is_one_place = words.size() == 4 && std::ranges::none_of(words, is_place) && words[1] != "hold";
-  if (is_one_place) {
-    const std::vector<std::string> coordinates(words.begin() + 1, words.end());
-    const Eigen::Vector3d place = read_place(coordinates, words[1] + " " + words[2] + " " + words[3]);
-    return {{read_robot(words[0]), Mission(1, waypoint_at(place, options))}};
-  }
+  if (is_one_place) return read_orders({words[0], words[1] + "," + words[2] + "," + words[3]}, options);
   std::vector<GoalOrder> orders;
   std::set<int> robots;
   for (auto word = words.begin(); word != words.end();) {
@@ -60,7 +53,7 @@ std::vector<GoalOrder> read_orders(const std::vector<std::string>& words, const 
     if (!robots.insert(order.robot_id).second) throw OptionError("robot '" + *word + "': must be named once");
     const auto first = ++word;
     while (word != words.end() && is_place(*word))
-      order.mission.push_back(waypoint_at(read_place(split(*word, ','), *word), options)), ++word;
+      order.mission.push_back(waypoint_at(read_place(*word), options)), ++word;
     const bool holds = word == first && word != words.end() && *word == "hold";
     if (word == first && !holds) throw OptionError("robot '" + *(first - 1) + "' has no place: " + kRule);
     if (holds) ++word;

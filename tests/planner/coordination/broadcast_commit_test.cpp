@@ -245,6 +245,7 @@ TEST(BroadcastNode, CommitsNothingThatItCannotKeep) {
   EXPECT_TRUE(robot.node.motion()->next.empty());
   robot.run_for(1.0);
   EXPECT_EQ(robot.out.newest<broadcast_status_t>(channel::kBroadcastStatus).state, broadcast_status_t::kNoStorage);
+  EXPECT_EQ(robot.node.activity(robot.now).text, "commits nothing: --state-dir : cannot be written");
   disk.full = false;
   propose();
   EXPECT_EQ(robot.node.protocol().commits(), 1);
