@@ -7,6 +7,7 @@
 
 #include "lcmtypes/bus/channels.h"
 #include "lcmtypes/bus/text.h"
+#include "map_daemon/dilation.h"
 #include "map_daemon/octomap_file.h"
 
 namespace swarm {
@@ -19,6 +20,7 @@ namespace {
 constexpr Duration kMaxAge = 1s;  // of messages
 constexpr Duration kStatusPeriod = 1s;
 constexpr std::size_t kMaxVoxelObstacles = 256;
+constexpr double kBlind_s = 0.3;  // without SEEN_SPACE
 constexpr double kLeastVoxel_m = 0.01;
 constexpr double kReaction_s = 0.5, kBesides_m = 0.5;  // before a robot brakes; its own size, and what it keeps off
 
@@ -91,6 +93,15 @@ void declare(OptionSet& options, MapConfig& config) {
               "the margin grows by so many standard deviations of an obstacle's position");
   options.add("track-growth", &config.track_growth, 0, 10, "",
               "the growth of the margin grows by so many standard deviations of its velocity");
+  options.add("perception", &config.perception, "make no maps without SEEN_SPACE of the last 0.3 s");
+  options.add("unknown", &config.unknown, "what was not seen: free, occupied, or near: occupied where it is near",
+              [](const std::string& text) {
+                if (text != "free" && text != "near" && text != "occupied")
+                  throw OptionError("must be free, near or occupied");
+              });
+  options.add("unknown-near", &config.unknown_near_m, 0.1, 100, "m", "what is so near to the robot is near");
+  options.add("unknown-body", &config.unknown_body_m, 0, 10, "m", "what is nearer than that is the robot itself");
+  options.add("unknown-beside", &config.unknown_beside_m, 0, 1, "m", "so near to what was seen free it is free, too");
   options.add("state-timeout", &config.state_timeout_s, 0.01, 60, "s", "no maps with an older robot state");
   options.add("clock-limit", &config.clock_limit_s, 0.001, 10, "s", "messages from further in the future are refused");
 }
@@ -137,7 +148,8 @@ MapNode::MapNode(const MapConfig& config, std::int32_t boot, Stopwatch stopwatch
 std::vector<Subscription> MapNode::subscriptions() const {
   return {{BusId::kOnboard, channel::kRobotState},
           {BusId::kOnboard, channel::kObstacles},
-          {BusId::kOnboard, channel::kObstacleVoxels}};
+          {BusId::kOnboard, channel::kObstacleVoxels},
+          {BusId::kOnboard, channel::kSeenSpace}};
 }
 
 void MapNode::on_message(Utime now, BusId, std::string_view channel, std::span<const std::uint8_t> bytes, Outbox&) {
@@ -148,6 +160,8 @@ void MapNode::on_message(Utime now, BusId, std::string_view channel, std::span<c
     refusal = on_obstacles(now, bytes);
   } else if (channel == channel::kObstacleVoxels) {
     refusal = on_voxels(now, bytes);
+  } else if (channel == channel::kSeenSpace) {
+    refusal = on_seen_space(now, bytes);
   }
   if (refusal != Refusal::kNone) refused_.count(refusal);
 }
@@ -192,18 +206,38 @@ Refusal MapNode::on_voxels(Utime now, std::span<const std::uint8_t> bytes) {
   return Refusal::kNone;
 }
 
+Refusal MapNode::on_seen_space(Utime now, std::span<const std::uint8_t> bytes) {
+  sogm_swarm::sogm_t part;
+  if (const Refusal refusal = receive(bytes, FromRobot{config_.robot_id}, window(now), AnyOrder{}, &part);
+      refusal != Refusal::kNone)
+    return refusal;
+  if (part.num_frames != 2 || part.resolution != config_.voxel_m()) return Refusal::kInconsistent;
+  Sogm seen;
+  const Assembly assembly = seen_parts_.add(part, &seen);
+  if (assembly.status != AssemblyStatus::kComplete) return assembly.refusal;
+  seen_ = std::move(seen);
+  obstacles_are_new_ = true;
+  return Refusal::kNone;
+}
+
 bool MapNode::fresh(Utime utime, double timeout_s, Utime now) const {
   return check_time(utime, now, to_duration(timeout_s), to_duration(config_.clock_limit_s)) == Refusal::kNone;
 }
 
 std::int16_t MapNode::state(Utime now) const {
   if (!has_state_) return map_status_t::kNoState;
-  return fresh(state_utime_, config_.state_timeout_s, now) ? map_status_t::kRunning : map_status_t::kStaleState;
+  if (!fresh(state_utime_, config_.state_timeout_s, now)) return map_status_t::kStaleState;
+  return sees(now) ? map_status_t::kRunning : map_status_t::kBlind;
+}
+
+bool MapNode::sees(Utime now) const {
+  return !config_.perception || (seen_ && fresh(seen_->start_utime, kBlind_s, now));
 }
 
 // All was where it was when it was; by which clock that is told anew.
 bool MapNode::on_clock_step(Utime, Duration step) {
   state_utime_ += step;
+  if (seen_) seen_->start_utime += step;
   tracker_.shift(step);
   for (auto& [id, entry] : voxel_obstacles_) {
     entry.obstacle.utime += step;
@@ -218,6 +252,8 @@ Activity MapNode::activity(Utime now) const {
       return waits_for(channel::kRobotState);
     case map_status_t::kStaleState:
       return waits_for(channel::kRobotState, "the last one is " + fixed(to_seconds(now - state_utime_), 1) + " s old");
+    case map_status_t::kBlind:
+      return waits_for(channel::kSeenSpace);
     default:
       return {.text = "makes maps around the robot"};
   }
@@ -258,6 +294,10 @@ void MapNode::build(Utime now) {
 
   sogm_.reset(geometry, config_.num_frames(), now, to_duration(config_.frame_s));
   if (static_map_) static_map_->copy_into(&sogm_);
+  if (seen_ && fresh(seen_->start_utime, kBlind_s, now)) {
+    add_first_frame(*seen_, &sogm_);
+    if (config_.unknown != "free") add_unknown(center);
+  }
   for (const Track& track : tracker_.tracks()) {
     rasterize(track.obstacle, config_.reach_m() + config_.track_margin * position_sigma_m(track, now),
               config_.growth_mps + config_.track_growth * velocity_sigma_mps(track), &sogm_);
@@ -266,6 +306,44 @@ void MapNode::build(Utime now) {
     rasterize(entry.obstacle, config_.reach_m(), config_.growth_mps, &sogm_);
   build_.done(now);
   obstacles_are_new_ = false;
+}
+
+// What was not seen, and is not just beside what was, may be anything. What lies outside of what can be seen was not.
+void MapNode::add_unknown(const Eigen::Vector3d& center) {
+  known_.reset(seen_->geometry, 1, seen_->start_utime, seen_->frame_duration);
+  const auto words = static_cast<std::size_t>(seen_->geometry.words_per_frame());
+  for (std::size_t i = 0; i < words; ++i) known_.words[i] = ~seen_->words[words + i];
+  dilate(known_, config_.unknown_beside_m, &reachable_);
+  known_.reset(sogm_.geometry, 1, sogm_.start_utime, sogm_.frame_duration);
+  add_first_frame(reachable_, &known_);
+  const bool only_near = config_.unknown == "near";
+  const GridGeometry& window = sogm_.geometry;
+  const auto set_unknown = [&](double low, double high, int x, int y) {
+    for_each_word_of_run(low, high, window.size.z(), [&](int word, std::uint64_t bits) {
+      bits &= ~known_.column(0, x, y)[word];
+      for (int frame = 0; frame < sogm_.num_frames; ++frame) sogm_.column(frame, x, y)[word] |= bits;
+    });
+  };
+  const double middle = center.z() / window.resolution_m - 0.5 - window.origin.z();
+  // Half the height of a ball, in voxels, at so much from its middle; below 0 beside it.
+  const auto half = [&](double radius_m, double away2) {
+    const double square = radius_m * radius_m - away2;
+    return square > 0.0 ? std::sqrt(square) / window.resolution_m : -1.0;
+  };
+  for (int x = 0; x < window.size.x(); ++x) {
+    for (int y = 0; y < window.size.y(); ++y) {
+      const double away2 = (window.center_of({x, y, 0}) - center).head<2>().squaredNorm();
+      const double body = half(config_.unknown_body_m, away2), all = window.size.z();
+      const double reach = only_near ? half(config_.unknown_near_m, away2) : all;
+      if (reach < 0.0) continue;
+      if (body < 0.0) {
+        set_unknown(middle - reach, middle + reach, x, y);
+      } else {
+        set_unknown(middle - reach, middle - body, x, y);
+        set_unknown(middle + body, middle + reach, x, y);
+      }
+    }
+  }
 }
 
 void MapNode::publish_map(Outbox& outbox) {

@@ -30,15 +30,20 @@ struct MapConfig {
   double horizon_s = 2.0;                     // a whole number of frames
   double v_max_mps = 2.0, a_max_mps2 = 6.0;   // of the robot, per axis: it must be able to stop inside the window
   std::string static_map;                     // OctoMap file; empty: none
-  double margin_m = 0.0;         // voxels whose centres come half a voxel and this close to obstacles are occupied
-  double growth_mps = 0.0;       // the margin grows by this per second of prediction
-  double max_rate_hz = 30.0;     // of maps; faster than obstacles arrive, or maps wait for their turn
-  double min_rate_hz = 10.0;     // of maps while no obstacles arrive
-  TrackerConfig tracks;          // of reported obstacles
-  double track_margin = 1.0;     // the margin grows by so many standard deviations of where an obstacle is
-  double track_growth = 0.5;     // and the growth by so many of its velocity
-  double state_timeout_s = 0.5;  // no maps with an older robot state
-  double clock_limit_s = 0.1;    // messages from further in the future are refused
+  double margin_m = 0.0;           // voxels whose centres come half a voxel and this close to obstacles are occupied
+  double growth_mps = 0.0;         // the margin grows by this per second of prediction
+  double max_rate_hz = 30.0;       // of maps; faster than obstacles arrive, or maps wait for their turn
+  double min_rate_hz = 10.0;       // of maps while no obstacles arrive
+  TrackerConfig tracks;            // of reported obstacles
+  double track_margin = 1.0;       // the margin grows by so many standard deviations of where an obstacle is
+  double track_growth = 0.5;       // and the growth by so many of its velocity
+  bool perception = false;         // no maps without what a perception_daemon has just seen
+  std::string unknown = "near";    // what SEEN_SPACE does not know: free, near (occupied, where it is near) or occupied
+  double unknown_near_m = 1.5;     // so near to the robot
+  double unknown_body_m = 0.6;     // but nearer than that it is the robot itself
+  double unknown_beside_m = 0.25;  // so near to what was seen free it is free, too
+  double state_timeout_s = 0.5;    // no maps with an older robot state
+  double clock_limit_s = 0.1;      // messages from further in the future are refused
 
   int num_frames() const;
   Eigen::Vector3d window_m() const;  // the least one, sideways also what stopping takes
@@ -76,6 +81,7 @@ class MapNode : public Node {
 
   Refusal on_state(Utime now, std::span<const std::uint8_t> bytes);
   Refusal on_obstacles(Utime now, std::span<const std::uint8_t> bytes);
+  Refusal on_seen_space(Utime now, std::span<const std::uint8_t> bytes);
   Refusal on_voxels(Utime now, std::span<const std::uint8_t> bytes);
   // How old inputs may be, and how far ahead.
   TimeWindow window(Utime now) const;
@@ -83,7 +89,9 @@ class MapNode : public Node {
   bool fresh(Utime utime, double timeout_s, Utime now) const;
   std::int16_t state(Utime now) const;  // map_status_t::k...
   void forget_unreported(Utime now);
+  bool sees(Utime now) const;  // or need not
   void build(Utime now);
+  void add_unknown(const Eigen::Vector3d& center);
   void publish_map(Outbox& outbox);
   void publish_status(Utime now, Outbox& outbox);
 
@@ -101,9 +109,11 @@ class MapNode : public Node {
   Tracker tracker_;                                        // of OBSTACLES
   std::map<std::int32_t, VoxelObstacle> voxel_obstacles_;  // by id
 
+  SogmAssembler seen_parts_;
+  std::optional<Sogm> seen_;  // two frames: what stands, and what was not seen
   bool obstacles_are_new_ = false;
   Recurring build_, status_;
-  Sogm sogm_;
+  Sogm sogm_, known_, reachable_;
   SogmEncoder encoder_;
   std::int32_t maps_ = 0, maps_at_last_status_ = 0;
   double build_ms_ = 0.0;

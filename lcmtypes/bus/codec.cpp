@@ -99,6 +99,8 @@ Refusal decode(std::span<const std::uint8_t> bytes, T* message) {
   try {
     if (const Refusal refusal = check_envelope<T>(bytes); refusal != Refusal::kNone) return refusal;
     const int size = static_cast<int>(bytes.size());
+    // Of a message that is used again, the generated decoder keeps the elements where there are none now.
+    if constexpr (kHasArray<T>) (message->*kArray<T>.elements).clear();
     if (message->decode(bytes.data(), 0, size) != size) return Refusal::kDecode;
   } catch (const std::exception&) {
     return Refusal::kDecode;

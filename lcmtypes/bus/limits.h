@@ -6,7 +6,9 @@
 #include "lcmtypes/bus/time.h"
 #include "sogm_swarm/announcement_t.hpp"
 #include "sogm_swarm/corridors_t.hpp"
+#include "sogm_swarm/depth_image_t.hpp"
 #include "sogm_swarm/goal_t.hpp"
+#include "sogm_swarm/lidar_scan_t.hpp"
 #include "sogm_swarm/obstacle_voxels_t.hpp"
 #include "sogm_swarm/obstacles_t.hpp"
 #include "sogm_swarm/sogm_t.hpp"
@@ -20,6 +22,12 @@ inline constexpr int kMaxFaces = sogm_swarm::corridors_t::kMaxFaces;  // of all 
 inline constexpr int kMaxTrackedObstacles = sogm_swarm::obstacles_t::kMaxObstacles;
 inline constexpr int kMaxObstacleVoxels = sogm_swarm::obstacle_voxels_t::kMaxVoxels;  // of one obstacle
 inline constexpr double kMaxObstacleSize_m = 1000.0;
+
+// Of what range sensors measure.
+inline constexpr int kMaxSensors = sogm_swarm::lidar_scan_t::kMaxSensors;  // of a robot
+inline constexpr int kMaxDepthPixels = sogm_swarm::depth_image_t::kMaxPixels;
+inline constexpr int kMaxScanCoordinates = sogm_swarm::lidar_scan_t::kMaxCoordinates;  // of a part
+inline constexpr int kMaxScanParts = sogm_swarm::lidar_scan_t::kMaxParts;
 
 // Of a mission.
 inline constexpr int kMaxWaypoints = sogm_swarm::goal_t::kMaxWaypoints;
@@ -46,6 +54,7 @@ inline constexpr Utime kMaxUtime = to_utime(std::int64_t{1} << 53);  // sums of 
 inline constexpr Duration kMaxAhead = 2s;    // it begins
 inline constexpr Duration kMaxMotion = 10s;  // it ends: so long may a robot fly by a clock that is wrong
 
+static_assert(sogm_swarm::depth_image_t::kMaxSensors == kMaxSensors, "sensors of both kinds are counted together");
 static_assert(kMaxParts * kMaxPartBytes <= kMaxCompressedMapBytes, "what parts can carry may be said");
 static_assert(kMaxVoxelsPerFrame / 8 <= kMaxMapBytes, "a frame fits a map");
 static_assert(sizeof(sogm_swarm::trajectory_t::knots) / sizeof(sogm_swarm::trajectory_t::knots[0]) ==

@@ -16,6 +16,7 @@ namespace {
 constexpr double kAnything = std::numeric_limits<double>::max();  // but finite
 constexpr double kRest = 1e-3;  // what still counts as standing, per axis [m/s], [m/s^2]
 constexpr int kMaxDelay_us = 10'000'000;
+constexpr double kMaxImage_px = 1e5;
 
 // False for NaN.
 bool within(double value, double low, double high) {
@@ -33,6 +34,9 @@ bool all_within(const Values& values, double bound) {
 
 bool yaw_ok(double yaw) {
   return within(yaw, -std::numbers::pi, std::numbers::pi);
+}
+bool orientation_ok(const double (&q)[4]) {
+  return within(std::sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]), 0.999, 1.001);
 }
 bool utime_ok(std::int64_t utime) {
   return utime >= 0 && utime <= to_us(kMaxUtime);
@@ -152,6 +156,20 @@ Refusal validate(const obstacle_voxels_t& m) {
                  within(m.age_s, 0.0, 60.0) && within(m.resolution, 0.01, 1.0));
 }
 
+Refusal validate(const depth_image_t& m) {
+  return verdict(within(m.sensor, 0, kMaxSensors - 1) && all_within(m.position, kMaxPosition_m) &&
+                     orientation_ok(m.orientation) && all_within(m.focal_px, 1.0, kMaxImage_px) &&
+                     all_within(m.center_px, kMaxImage_px) && within(m.width, 1, kMaxDepthPixels) &&
+                     m.num_pixels >= 1 && all_within(m.depth_mm, 0.0, 32767.0),
+                 m.num_pixels % std::max<std::int32_t>(m.width, 1) == 0);
+}
+
+Refusal validate(const lidar_scan_t& m) {
+  return verdict(within(m.sensor, 0, kMaxSensors - 1) && all_within(m.position, kMaxPosition_m) &&
+                     orientation_ok(m.orientation) && m.part >= 0 && within(m.num_parts, 1, kMaxScanParts),
+                 m.part < m.num_parts && m.num_coordinates % 3 == 0);
+}
+
 Refusal validate(const sogm_t& m) {
   const bool values_ok = within(m.frame_duration_us, 1, 10'000'000) && within(m.num_frames, 1, kMaxMapFrames) &&
                          all_within(m.size, 1, kMaxVoxelsPerAxis) && all_within(m.origin, kMaxWorldIndex) &&
@@ -166,9 +184,15 @@ Refusal validate(const sogm_t& m) {
 }
 
 Refusal validate(const map_status_t& m) {
-  return verdict(within(m.state, map_status_t::kRunning, map_status_t::kStaleState) &&
+  return verdict(within(m.state, map_status_t::kRunning, map_status_t::kBlind) &&
                  amounts_ok(std::array{m.maps, m.map_bytes, m.obstacles}) && amounts_ok(m.refused) &&
                  amounts_ok(std::array{m.rate_hz, m.build_ms}));
+}
+
+Refusal validate(const perception_status_t& m) {
+  return verdict(within(m.state, perception_status_t::kRunning, perception_status_t::kNoPose) &&
+                 amounts_ok(std::array{m.scans, m.points, m.masked, m.moving, m.standing, m.jumps, m.blind}) &&
+                 amounts_ok(m.refused) && amounts_ok(std::array{m.rate_hz, m.scan_ms}));
 }
 
 Refusal validate(const planner_status_t& m) {

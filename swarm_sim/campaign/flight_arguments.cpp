@@ -37,7 +37,8 @@ template <class Arguments, class Visit>
 void for_each_text(Arguments& arguments, const Visit& visit) {
   visit("link-outage", arguments.outages, "ROBOT:FROM_S:TO_S,...: robots that neither send nor receive for a time");
   visit("kill", arguments.kills,
-        "DAEMON:ROBOT@AT_S[-BACK_S],...: daemons (map, planner, broadcast) that are killed, and started again 0.1 s "
+        "DAEMON:ROBOT@AT_S[-BACK_S],...: daemons (map, planner, broadcast, perception) that are killed, and started "
+        "again 0.1 s "
         "later "
         "or at BACK_S");
   visit("clock-step", arguments.clock_steps, "ROBOT:AT_S:BY_S,...: clocks that are set in flight, by so much");
@@ -47,6 +48,8 @@ void for_each_text(Arguments& arguments, const Visit& visit) {
         "config file for every planner_daemon; identity, limits and space come from the world");
   visit("broadcast-config", arguments.broadcast_config,
         "config file for every broadcast_daemon; identity, limits and roster come from the world");
+  visit("perception-config", arguments.perception_config,
+        "config file for every perception_daemon; identity comes from the world");
 }
 
 // Of a vehicle or a sensor: numbers and words.
@@ -96,6 +99,7 @@ FlightOptions flight_options(const FlightArguments& arguments) {
   overlay(arguments.map_config, &options.map);
   overlay(arguments.planner_config, &options.planner);
   overlay(arguments.broadcast_config, &options.broadcast);
+  overlay(arguments.perception_config, &options.perception);
   options.link = arguments.link;
   options.clock_offset_ms = arguments.clock_offset_ms;
   options.link.outages = parse_outages(arguments.outages);

@@ -14,8 +14,8 @@ struct FlightArguments {
   double time_limit_s = 60.0;
   VehicleOptions vehicle;  // what differs from the usual goes before what the world says
   SensorOptions sensor;
-  std::string map_config, planner_config, broadcast_config;  // files; empty: defaults
-  LinkOptions link;                                          // without its outages
+  std::string map_config, planner_config, broadcast_config, perception_config;  // files; empty: defaults
+  LinkOptions link;                                                             // without its outages
   double clock_offset_ms = 0.0;
   std::string outages;      // as parse_outages() takes them
   std::string kills;        // as parse_kills() takes them

@@ -1,5 +1,7 @@
 #include "swarm_sim/environment/environment_node.h"
 
+#include <utility>
+
 #include "lcmtypes/bus/channels.h"
 
 namespace swarm {
@@ -14,11 +16,14 @@ EnvironmentNode::EnvironmentNode(Simulation& simulation, std::size_t index, std:
       index_(index),
       tells_state_(tells_state),
       sensor_(simulation.world(), simulation.world().robots[index].id),
-      sensor_period_(to_duration(1.0 / simulation.world().sensor.rate_hz)),
+      range_sensor_(simulation.world(), simulation.world().robots[index].id),
+      caster_(simulation.world(), simulation.static_map()),
+      sensor_period_(range_sensor_.period()),
       last_tick_(simulation.now()),
       state_headers_(simulation.world().robots[index].id, boot),
       obstacle_headers_(state_headers_),
-      goal_headers_(state_headers_) {}
+      goal_headers_(state_headers_),
+      scan_headers_(state_headers_) {}
 
 std::vector<Subscription> EnvironmentNode::subscriptions() const {
   return {{BusId::kOnboard, channel::kSetpoint}, {BusId::kOnboard, channel::kOwnTrajectory}};
@@ -44,7 +49,16 @@ Utime EnvironmentNode::step(Utime now, Outbox& outbox) {
   const Utime phase = tick + static_cast<std::int64_t>(index_) * Simulation::kTick;
   if (phase >= detection_.due_on_grid(phase, sensor_period_)) {
     detection_.done(phase);
-    outbox.publish(BusId::kOnboard, channel::kObstacles, obstacles(own_time, t_s));
+    if (simulation_.world().sensor.is_ranging()) {
+      look(tick);
+    } else {
+      outbox.publish(BusId::kOnboard, channel::kObstacles, obstacles(own_time, t_s));
+    }
+  }
+  for (; !scans_.empty() && scans_.front().due <= tick; scans_.pop_front()) {
+    for (const sogm_swarm::lidar_scan_t& part : scans_.front().parts)
+      outbox.publish(BusId::kOnboard, channel::kLidarScan, part);
+    if (scans_.front().image) outbox.publish(BusId::kOnboard, channel::kDepthImage, *scans_.front().image);
   }
   if (tells_state_) outbox.publish(BusId::kOnboard, channel::kRobotState, state(own_time));
   if (t_s >= 0.0 && tick >= goal_.due(tick, kGoalPeriod)) {
@@ -68,6 +82,29 @@ sogm_swarm::obstacles_t EnvironmentNode::obstacles(Utime own_time, double t_s) {
   sogm_swarm::obstacles_t message = sensor_.look(t_s, position, vehicle().estimate().position - position);
   message.header = obstacle_headers_.next(own_time);
   return message;
+}
+
+void EnvironmentNode::look(Utime tick) {
+  const World& world = simulation_.world();
+  std::vector<RayCaster::Ball> others;
+  for (std::size_t i = 0; i < world.robots.size(); ++i)
+    if (i != index_) others.push_back({simulation_.vehicles()[i].state().position, world.robots[i].radius_m});
+  const auto pose = [&](const MotionState& state) {
+    const bool tilts = world.vehicle.kind == "quadrotor";
+    return Pose{state.position,
+                attitude_of(tilts ? vehicle().state().acceleration : Eigen::Vector3d::Zero(), vehicle().yaw_rad())};
+  };
+  Scan scan{.due = tick + to_duration(1e-3 * world.sensor.latency_ms), .parts = {}, .image = {}};
+  const sogm_swarm::header_t header = scan_headers_.next(vehicle().own_time(tick));
+  const double t_s = simulation_.t_s(tick);
+  if (world.sensor.kind == "lidar") {
+    scan.parts = range_sensor_.scan(caster_, others, t_s, pose(vehicle().state()), pose(vehicle().estimate()));
+    for (sogm_swarm::lidar_scan_t& part : scan.parts) part.header = header;
+  } else {
+    scan.image = range_sensor_.image(caster_, others, t_s, pose(vehicle().state()), pose(vehicle().estimate()));
+    scan.image->header = header;
+  }
+  scans_.push_back(std::move(scan));
 }
 
 sogm_swarm::goal_t EnvironmentNode::goal(Utime own_time) {

@@ -3,11 +3,15 @@
 #pragma once
 
 #include <cstdint>
+#include <deque>
+#include <optional>
 #include <string_view>
+#include <vector>
 
 #include "lcmtypes/bus/header_source.h"
 #include "lcmtypes/bus/node.h"
 #include "lcmtypes/bus/recurring.h"
+#include "swarm_sim/environment/range_sensor.h"
 #include "swarm_sim/environment/sensor.h"
 #include "swarm_sim/environment/simulation.h"
 
@@ -34,15 +38,25 @@ class EnvironmentNode : public Node {
   sogm_swarm::robot_state_t state(Utime own_time);
   sogm_swarm::obstacles_t obstacles(Utime own_time, double t_s);
   sogm_swarm::goal_t goal(Utime own_time);
+  // Takes a scan; it is sent when its latency is over.
+  void look(Utime tick);
 
   Simulation& simulation_;
   std::size_t index_;
   bool tells_state_;
   Sensor sensor_;
+  RangeSensor range_sensor_;
+  RayCaster caster_;
+  struct Scan {
+    Utime due;
+    std::vector<sogm_swarm::lidar_scan_t> parts;
+    std::optional<sogm_swarm::depth_image_t> image;
+  };
+  std::deque<Scan> scans_;  // not sent yet
   Duration sensor_period_;
   Utime last_tick_;
   Recurring detection_, goal_;
-  HeaderSource state_headers_, obstacle_headers_, goal_headers_;
+  HeaderSource state_headers_, obstacle_headers_, goal_headers_, scan_headers_;
 };
 
 }  // namespace swarm

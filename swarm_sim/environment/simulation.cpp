@@ -8,6 +8,7 @@ namespace swarm {
 Simulation::Simulation(const World& world, const OccupiedCubes* static_map, const SimulationOptions& options,
                        Utime utime, TickObserver on_tick)
     : world_(world),
+      static_map_(static_map),
       clock_steps_(options.clock_steps),
       judge_(world, static_map, options.time_limit_s),
       on_tick_(std::move(on_tick)),

@@ -39,6 +39,7 @@ class Simulation {
              TickObserver on_tick);
 
   const World& world() const { return world_; }
+  const OccupiedCubes* static_map() const { return static_map_; }  // null: none
   const Judge& judge() const { return judge_; }
   // In the world's order.
   const std::vector<Vehicle>& vehicles() const { return vehicles_; }
@@ -62,6 +63,7 @@ class Simulation {
   void tick();
 
   const World& world_;
+  const OccupiedCubes* static_map_;
   std::vector<ClockStep> clock_steps_;  // to come
   Judge judge_;
   TickObserver on_tick_;

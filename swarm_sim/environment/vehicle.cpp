@@ -8,7 +8,6 @@ namespace swarm {
 namespace {
 
 constexpr Duration kSetpointTimeout = 50ms, kTargetTimeout = 500ms;
-constexpr double kFastError_s = 0.5, kSlowError_s = 20.0;  // so long its errors about itself stay much the same
 
 }  // namespace
 

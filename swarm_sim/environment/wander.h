@@ -7,6 +7,9 @@
 
 namespace swarm {
 
+// Robots err about where they are: half of it stays much the same for so long, half for so long.
+inline constexpr double kFastError_s = 0.5, kSlowError_s = 20.0;
+
 // Three axes, each a critically damped oscillator that white noise drives: mean 0, variance 1, continuous with its
 // rate.
 class Wander {

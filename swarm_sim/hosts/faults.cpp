@@ -23,7 +23,7 @@ std::vector<Kill> parse_kills(const std::string& text) {
     if (!good || (when.size() == 2 && (!read_amount(when[1], &kill.back_s) || kill.back_s <= kill.at_s)))
       throw OptionError("'" + item +
                         "' must be DAEMON:ROBOT@AT_S or DAEMON:ROBOT@AT_S-BACK_S, DAEMON one of map, planner, "
-                        "broadcast, AT_S below BACK_S");
+                        "broadcast, perception, AT_S below BACK_S");
     for (const Kill& other : kills) {
       const bool is_same = other.daemon == kill.daemon && other.robot_id == kill.robot_id;
       if (is_same && other.at_s <= kill.back_s && kill.at_s <= other.back_s)

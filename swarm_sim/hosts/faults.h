@@ -10,7 +10,8 @@
 
 namespace swarm {
 
-inline constexpr std::array<const char*, 3> kDaemons = {"map", "planner", "broadcast"};
+// Those of a robot; the last one flies with a depth camera or a LiDAR alone.
+inline constexpr std::array<const char*, 4> kDaemons = {"map", "planner", "broadcast", "perception"};
 
 struct Kill {
   std::size_t daemon = 0;  // index into kDaemons

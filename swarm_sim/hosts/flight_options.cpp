@@ -17,6 +17,13 @@ MapConfig map_config(const World& world, const WorldRobot& robot, const FlightOp
   config.static_map = world.static_map;
   config.v_max_mps = limits_of(world, robot).v_max_mps;
   config.a_max_mps2 = limits_of(world, robot).stopping_mps2();
+  if (world.sensor.is_ranging()) config.perception = true;
+  return config;
+}
+
+PerceptionNodeConfig perception_config(const World&, const WorldRobot& robot, const FlightOptions& options) {
+  PerceptionNodeConfig config = options.perception;
+  config.robot_id = robot.id;
   return config;
 }
 
@@ -51,8 +58,16 @@ std::size_t index_of_robot(const World& world, int id, const char* option) {
   return static_cast<std::size_t>(robot - world.robots.begin());
 }
 
+std::span<const char* const> daemons_in(const World& world) {
+  return std::span(kDaemons).first(kDaemons.size() - (world.sensor.is_ranging() ? 0 : 1));
+}
+
 void check_robots(const World& world, const FlightOptions& options) {
-  for (const Kill& kill : options.kills) (void)index_of_robot(world, kill.robot_id, "kill");
+  for (const Kill& kill : options.kills) {
+    (void)index_of_robot(world, kill.robot_id, "kill");
+    if (kill.daemon >= daemons_in(world).size())
+      throw OptionError("kill: robots have no perception_daemon without --sensor lidar or depth");
+  }
   for (const ClockStep& step : options.clock_steps) (void)index_of_robot(world, step.robot_id, "clock-step");
   for (const LinkOutage& outage : options.link.outages) (void)index_of_robot(world, outage.robot_id, "link-outage");
 }

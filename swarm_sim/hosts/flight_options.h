@@ -5,9 +5,11 @@
 // link model, in the one on a simulated bus, in the other as a relay. Stands on environment/ and results/.
 #pragma once
 
+#include <span>
 #include <vector>
 
 #include "map_daemon/map_node.h"
+#include "map_daemon/perception/perception_node.h"
 #include "planner_daemon/coordination/broadcast_node.h"
 #include "planner_daemon/planner_node.h"
 #include "swarm_sim/hosts/faults.h"
@@ -20,6 +22,7 @@ namespace swarm {
 struct FlightOptions {
   double time_limit_s = 60.0;
   MapConfig map;
+  PerceptionNodeConfig perception;
   PlannerNodeConfig planner;
   BroadcastConfig broadcast;
   LinkOptions link;              // between robots
@@ -31,12 +34,16 @@ struct FlightOptions {
 // The daemons' configurations for one robot of a world.
 MapConfig map_config(const World& world, const WorldRobot& robot, const FlightOptions& options);
 PlannerNodeConfig planner_config(const World& world, const WorldRobot& robot, const FlightOptions& options);
+PerceptionNodeConfig perception_config(const World& world, const WorldRobot& robot, const FlightOptions& options);
 BroadcastConfig broadcast_config(const World& world, const WorldRobot& robot, const FlightOptions& options);
 
 // Of a robot in the world's order, by its id. Throws OptionError, beginning with `option`, where there is none.
 std::size_t index_of_robot(const World& world, int id, const char* option);
 
-// Throws OptionError where the options name a robot that the world has not.
+// Those of kDaemons that every robot of the world has.
+std::span<const char* const> daemons_in(const World& world);
+
+// Throws OptionError where the options name a robot, or a daemon, that the world has not.
 void check_robots(const World& world, const FlightOptions& options);
 
 }  // namespace swarm

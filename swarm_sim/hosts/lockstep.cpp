@@ -21,7 +21,7 @@ constexpr Utime kEpoch = Utime(1'000'000'000s);  // simulated time of world time
 struct RobotWork {
   RobotReport counts;
   PlanningSamples step_ms;
-  std::vector<double> map_ms;
+  std::vector<double> map_ms, scan_ms;
 
   void note_step(const MapNode& map, int* maps) {
     if (map.maps() == *maps) return;
@@ -39,6 +39,11 @@ struct RobotWork {
     samples->push_back(plan.prepare_ms);
   }
   void note_step(const BroadcastNode&, int*) {}
+  void note_step(const PerceptionNode& perception, int* scans) {
+    if (perception.scans() == *scans) return;
+    *scans = perception.scans();
+    scan_ms.push_back(perception.scan_ms());
+  }
 
   void note_end(const MapNode& map) { count(map.refused()); }
   void note_end(const PlannerNode& planner) {
@@ -47,6 +52,7 @@ struct RobotWork {
     counts.missed += planner.missed();
   }
   void note_end(const BroadcastNode& broadcast) { count(broadcast.refused()); }
+  void note_end(const PerceptionNode& perception) { count(perception.refused()); }
   void count(const RefusalCounts& refused) {
     for (std::size_t i = 1; i < counts.refused.size(); ++i) counts.refused[i] += refused[static_cast<Refusal>(i)];
   }
@@ -83,18 +89,24 @@ class Daemon : public Node {
 
 // In the order of kDaemons; each start of a daemon has a higher boot than the one before. What is referred to must
 // outlive the nodes.
-std::array<LockstepHost::NodeFactory, kDaemons.size()> daemons_of(const World& world, const WorldRobot& robot,
-                                                                  const FlightOptions& options, PromiseStore& promises,
-                                                                  RobotWork& work) {
-  return {[&, config = map_config(world, robot, options), boot = 0]() mutable {
-            return std::make_unique<Daemon<MapNode>>(work, config, ++boot, &stopwatch, false);
-          },
-          [&, config = planner_config(world, robot, options), boot = 0]() mutable {
-            return std::make_unique<Daemon<PlannerNode>>(work, config, ++boot, &stopwatch, false);
-          },
-          [&, config = broadcast_config(world, robot, options), boot = 0]() mutable {
-            return std::make_unique<Daemon<BroadcastNode>>(work, config, promises, ++boot);
-          }};
+std::vector<LockstepHost::NodeFactory> daemons_of(const World& world, const WorldRobot& robot,
+                                                  const FlightOptions& options, PromiseStore& promises,
+                                                  RobotWork& work) {
+  std::vector<LockstepHost::NodeFactory> daemons = {
+      [&, config = map_config(world, robot, options), boot = 0]() mutable {
+        return std::make_unique<Daemon<MapNode>>(work, config, ++boot, &stopwatch, false);
+      },
+      [&, config = planner_config(world, robot, options), boot = 0]() mutable {
+        return std::make_unique<Daemon<PlannerNode>>(work, config, ++boot, &stopwatch, false);
+      },
+      [&, config = broadcast_config(world, robot, options), boot = 0]() mutable {
+        return std::make_unique<Daemon<BroadcastNode>>(work, config, promises, ++boot);
+      },
+      [&, config = perception_config(world, robot, options), boot = 0]() mutable {
+        return std::make_unique<Daemon<PerceptionNode>>(work, config, ++boot, &stopwatch, false);
+      }};
+  daemons.resize(daemons_in(world).size());
+  return daemons;
 }
 
 RunReport report_of(const Simulation& simulation, const std::vector<RobotWork>& work, double wall_s) {
@@ -119,7 +131,8 @@ RunReport run_lockstep(const World& world, const OccupiedCubes* static_map, cons
   const std::chrono::nanoseconds began = stopwatch();
   check_robots(world, options);
   const std::vector<Duration> clocks = clock_offsets(options.clock_offset_ms, world);
-  const std::array<Duration, kDaemons.size()> work_times = {delays.map, delays.plan, 0us};
+  const std::array<Duration, kDaemons.size()> work_times = {delays.map, delays.plan, 0us, delays.look};
+  const std::size_t num_daemons = daemons_in(world).size();
   std::deque<MemoryPromiseStore> promises(world.robots.size());
   std::vector<RobotWork> work(world.robots.size());
   LinkModel link(options.link, seed_of(world.name));
@@ -149,13 +162,12 @@ RunReport run_lockstep(const World& world, const OccupiedCubes* static_map, cons
   }
   for (const Kill& kill : options.kills) {
     const std::size_t robot = index_of_robot(world, kill.robot_id, "kill");
-    host->crash(kDaemons.size() * robot + kill.daemon, kEpoch + to_duration(kill.at_s),
-                kEpoch + to_duration(kill.back_s));
+    host->crash(num_daemons * robot + kill.daemon, kEpoch + to_duration(kill.at_s), kEpoch + to_duration(kill.back_s));
   }
   for (const ClockStep& step : options.clock_steps) {
     const std::size_t robot = index_of_robot(world, step.robot_id, "clock-step");
-    for (std::size_t d = 0; d < kDaemons.size(); ++d)
-      host->step_clock(kDaemons.size() * robot + d, kEpoch + to_duration(step.at_s), step.by);
+    for (std::size_t d = 0; d < num_daemons; ++d)
+      host->step_clock(num_daemons * robot + d, kEpoch + to_duration(step.at_s), step.by);
   }
   host->run();
   host.reset();  // the nodes say what they have counted

@@ -19,6 +19,7 @@ struct LockstepDelays {
   Duration swarm = 2ms;    // message between robots
   Duration map = 5ms;      // what a map daemon says, on top: it builds a SOGM first
   Duration plan = 5ms;     // what a planner daemon says, on top: it plans first
+  Duration look = 10ms;    // what a perception daemon says, on top
 };
 
 // Flies `world` to its end. `logs` and `trace` may be null. Throws OptionError where the options name a robot that the

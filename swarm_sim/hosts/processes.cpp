@@ -116,7 +116,9 @@ std::vector<DaemonProgram> daemons_of(const World& world, const WorldRobot& robo
   write_config(broadcast, clock, place.onboard_url, file("broadcast", ".cfg"),
                "swarm-url = " + place.swarm_url + "\nkey-file = " + directories.key_file.string() + "\n");
   std::vector<DaemonProgram> daemons;
-  for (const char* daemon : kDaemons) {
+  if (world.sensor.is_ranging())
+    write_config(perception_config(world, robot, options), clock, place.onboard_url, file("perception", ".cfg"));
+  for (const char* daemon : daemons_in(world)) {
     const std::string program = std::string(daemon) + "_daemon";
     daemons.push_back({"robot " + std::to_string(robot.id) + "'s " + program,
                        directories.programs / program,
@@ -283,7 +285,7 @@ RunReport run_processes(const World& world, const OccupiedCubes* static_map, con
   std::vector<Supervised> crashing;
   for (const Kill& kill : options.kills) {
     const std::size_t robot = index_of_robot(world, kill.robot_id, "kill");
-    crashing.emplace_back(kill, daemons[kDaemons.size() * robot + kill.daemon]);
+    crashing.emplace_back(kill, daemons[daemons_in(world).size() * robot + kill.daemon]);
   }
   Overseer overseer(host, children, simulation, watches, std::move(crashing));
   host.run();

@@ -26,15 +26,19 @@ struct VehicleOptions {
 
 // How obstacles are detected: see sensor.h. Standard deviations are of one axis.
 struct SensorOptions {
+  // perfect: obstacles are reported, with the errors below; lidar, depth: scans or images are, and see what they see.
+  std::string kind = "perfect";
   double rate_hz = 20.0;
-  double position_m = 0.0, velocity_mps = 0.0;  // noise
-  double latency_ms = 0.0;                      // from what is seen to the message
-  double dropout = 0.0;                         // share of the detections that are missing, each for itself
-  double burst = 0.0;                           // share of the time that an obstacle is not seen for half a second
-  double false_alarms = 0.0;                    // detections of nothing in a message, on average
-  double merge_m = 0.0;                         // columns this near to each other are taken for one
+  double position_m = 0.0, velocity_mps = 0.0;      // noise
+  double latency_ms = 0.0;                          // from what is seen to the message
+  double dropout = 0.0;                             // share of the detections that are missing, each for itself
+  double burst = 0.0;                               // share of the time that an obstacle is not seen for half a second
+  double false_alarms = 0.0;                        // detections of nothing in a message, on average
+  double merge_m = 0.0;                             // columns this near to each other are taken for one
+  double pose_noise_m = 0.0, pose_noise_deg = 0.0;  // by so much a lidar or depth camera errs about where it is
   bool operator==(const SensorOptions&) const = default;
 
+  bool is_ranging() const { return kind != "perfect"; }
   // Whatever is there is seen.
   bool complete() const { return dropout == 0.0 && burst == 0.0 && merge_m == 0.0; }
 };
@@ -51,6 +55,7 @@ Overloaded(Functions...) -> Overloaded<Functions...>;  // clang 14 does not find
 // unit, help) for numbers, visit(name, value, words, help) for one of some words.
 inline constexpr std::array<const char*, 3> kVehicles = {"perfect", "noisy", "quadrotor"};
 inline constexpr std::array<const char*, 2> kGains = {"firm", "soft"};
+inline constexpr std::array<const char*, 3> kSensors = {"perfect", "depth", "lidar"};
 
 // "a, b or c".
 std::string listed(std::span<const char* const> words);
@@ -70,7 +75,8 @@ void for_each_vehicle_option(Options& vehicle, const Visit& visit) {
 }
 template <class Options, class Visit>
 void for_each_sensor_option(Options& sensor, const Visit& visit) {
-  visit("sensor-rate", sensor.rate_hz, 1, 100, "Hz", "of obstacle detections");
+  visit("sensor", sensor.kind, kSensors, "what is seen by");
+  visit("sensor-rate", sensor.rate_hz, 1, 100, "Hz", "of obstacle detections and depth images; a lidar has 10 Hz");
   visit("sense-position-m", sensor.position_m, 0, 1, "m", "deviation of an axis of a detection's position");
   visit("sense-velocity-mps", sensor.velocity_mps, 0, 10, "m/s", "deviation of an axis of a detection's velocity");
   visit("sense-latency-ms", sensor.latency_ms, 0, 1000, "ms", "from what is seen to the message that says so");
@@ -78,6 +84,8 @@ void for_each_sensor_option(Options& sensor, const Visit& visit) {
   visit("sense-burst", sensor.burst, 0, 0.9, "", "share of the time that an obstacle is not seen for half a second");
   visit("sense-false", sensor.false_alarms, 0, 10, "", "detections of nothing in a message, on average");
   visit("sense-merge-m", sensor.merge_m, 0, 10, "m", "columns this near to each other are taken for one");
+  visit("pose-noise-m", sensor.pose_noise_m, 0, 1, "m", "depth, lidar: deviation of an axis of where the sensor is");
+  visit("pose-noise-deg", sensor.pose_noise_deg, 0, 10, "deg", "depth, lidar: and of how it is turned");
 }
 
 }  // namespace swarm

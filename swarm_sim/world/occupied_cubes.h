@@ -24,6 +24,10 @@ class OccupiedCubes {
   // Distance from `point` [m] to the nearest cube, 0 inside one; `max_m` when none is nearer than that.
   double distance(const Eigen::Vector3d& point, double max_m) const;
 
+  // How far the ray from `from` in `direction` (of length 1) gets before it meets a cube, at most `max_m`; 0 inside
+  // one.
+  double ray_length(const Eigen::Vector3d& from, const Eigen::Vector3d& direction, double max_m) const;
+
   const std::vector<Cube>& cubes() const { return cubes_; }
 
  private:
@@ -36,6 +40,7 @@ class OccupiedCubes {
 
   std::uint32_t build(std::uint32_t begin, std::uint32_t end);
   double descend(std::uint32_t index, const Eigen::Vector3d& point, double best) const;
+  double follow(std::uint32_t index, const Eigen::Vector3d& from, const Eigen::Vector3d& inverse, double best) const;
 
   std::vector<Cube> cubes_;
   std::vector<Node> nodes_;

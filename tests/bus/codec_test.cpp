@@ -44,6 +44,14 @@ struct CountField<obstacles_t> {
   static constexpr int bytes = 4, cap = 4096;
 };
 template <>
+struct CountField<depth_image_t> {
+  static constexpr int bytes = 4, cap = 32000;
+};
+template <>
+struct CountField<lidar_scan_t> {
+  static constexpr int bytes = 4, cap = 30000;
+};
+template <>
 struct CountField<sogm_t> {
   static constexpr int bytes = 4, cap = 60000;
 };
@@ -147,11 +155,11 @@ TYPED_TEST(CodecTest, RefusesWrongCounts) {
   using Field = CountField<TypeParam>;
   if constexpr (Field::bytes > 0) {
     Random random(4);
-    const Bytes bytes = encoded(make<TypeParam>(random, 4));
+    const Bytes bytes = encoded(make<TypeParam>(random, 6));
     const std::size_t offset = static_cast<std::size_t>(TypeParam{}.getEncodedSize()) - Field::bytes;
     const std::int64_t highest = (std::int64_t{1} << (8 * Field::bytes - 1)) - 1;
     for (const std::int64_t count : {std::int64_t{-1}, -highest - 1, -highest, highest, highest / 2,
-                                     std::int64_t{Field::cap} + 1, std::int64_t{Field::cap}, std::int64_t{5}}) {
+                                     std::int64_t{Field::cap} + 1, std::int64_t{Field::cap}, std::int64_t{7}}) {
       Bytes wrong = bytes;
       put_big_endian(wrong, offset, Field::bytes, count);
       reseal(wrong);

@@ -97,7 +97,15 @@ TEST(Validate, Ranges) {
   EXPECT_RANGE(candidate_t, urgent, 0, 1);
   EXPECT_RANGE(announcement_t, pending_stamp, std::int64_t{0}, to_us(kMaxUtime));
   EXPECT_RANGE(announcement_t, acks[1].verdict, 0, 2);
-  EXPECT_RANGE(map_status_t, state, 0, 2);
+  EXPECT_RANGE(map_status_t, state, 0, 3);
+  EXPECT_RANGE(depth_image_t, sensor, 0, 7);
+  EXPECT_RANGE(depth_image_t, position[2], -1e5, 1e5);
+  EXPECT_RANGE(depth_image_t, focal_px[1], 1.0f, 1e5f);
+  EXPECT_RANGE(depth_image_t, center_px[0], -1e5f, 1e5f);
+  EXPECT_RANGE(lidar_scan_t, sensor, 0, 7);
+  EXPECT_RANGE(lidar_scan_t, position[0], -1e5, 1e5);
+  EXPECT_RANGE(lidar_scan_t, num_parts, 1, 16);
+  EXPECT_RANGE(perception_status_t, state, 0, 2);
   EXPECT_RANGE(planner_status_t, state, 0, 5);
   EXPECT_RANGE(planner_status_t, outcome, 0, 2);
   EXPECT_RANGE(broadcast_status_t, state, 0, 6);
@@ -105,6 +113,25 @@ TEST(Validate, Ranges) {
   EXPECT_EQ(announcement([](auto& m) { m.radius = 0.0f; }), kValue);
   EXPECT_EQ(announcement([](auto& m) { m.radius = 10.0f; }), kGood);
   EXPECT_EQ(announcement([](auto& m) { m.radius = 10.01f; }), kValue);
+}
+
+TEST(Validate, ScansMakeSense) {
+  Judge<depth_image_t> image;
+  EXPECT_EQ(image([](auto& m) { m.depth_mm[0] = -1; }), kValue);
+  EXPECT_EQ(image([](auto& m) { m.orientation[0] = m.orientation[1] = m.orientation[2] = m.orientation[3] = 0.0; }),
+            kValue);
+  EXPECT_EQ(image([](auto& m) { m.width = static_cast<std::int16_t>(m.num_pixels + 1); }), kInconsistent);
+  EXPECT_EQ(image([](auto& m) { m.width = 0; }), kValue);
+  Judge<lidar_scan_t> scan;
+  EXPECT_EQ(scan([](auto& m) { m.orientation[0] = m.orientation[1] = m.orientation[2] = m.orientation[3] = 0.6; }),
+            kValue);
+  EXPECT_EQ(scan([](auto& m) { m.part = m.num_parts; }), kInconsistent);
+  EXPECT_EQ(scan([](auto& m) { m.part = -1; }), kValue);
+  EXPECT_EQ(scan([](auto& m) { m.coordinates.pop_back(), --m.num_coordinates; }), kInconsistent);
+  Judge<perception_status_t> status;
+  EXPECT_EQ(status([](auto& m) { m.jumps = -1; }), kValue);
+  EXPECT_EQ(status([](auto& m) { m.scan_ms = -1.0f; }), kValue);
+  EXPECT_EQ(status([](auto& m) { m.refused[4] = -1; }), kValue);
 }
 
 TEST(Validate, CountersAndAmountsAreNotNegative) {

@@ -165,6 +165,96 @@ TEST(MapNode, SaysWhatItWaitsFor) {
   EXPECT_TRUE(f.node.activity(f.now).waits);
 }
 
+// Space as a perception daemon saw it: all of it free but what is named, W.
+struct SeenSpace {
+  explicit SeenSpace(Utime utime) {
+    space.reset({.resolution_m = 0.1, .origin = {-64, -64, -22}, .size = {128, 128, 64}}, 2, utime, 100ms);
+  }
+  void set(int frame, const Eigen::Vector3d& low, const Eigen::Vector3d& high) {
+    const Eigen::Vector3i first = space.geometry.voxel_of(low), last = space.geometry.voxel_of(high);
+    for (int x = first.x(); x <= last.x(); ++x)
+      for (int y = first.y(); y <= last.y(); ++y) set_run(first.z(), last.z(), 64, space.column(frame, x, y));
+  }
+  void send(Fixture* f) {
+    SogmEncoder encoder;
+    for (const sogm_swarm::sogm_t& part : encoder.encode(space, f->message<robot_state_t>().header))
+      f->send(channel::kSeenSpace, part);
+  }
+  Sogm space;
+};
+
+MapConfig seeing(const std::string& unknown) {
+  MapConfig config = Fixture::default_config();
+  config.perception = true;
+  config.unknown = unknown;
+  return config;
+}
+
+TEST(MapNode, WhatWasSeenToStandIsInEveryFrame) {
+  Fixture f(seeing("free"));
+  SeenSpace seen(f.now);
+  seen.set(0, {2.05, -1.0, 0.05}, {2.05, 1.0, 2.0});
+  f.send_state();
+  seen.send(&f);
+  ASSERT_EQ(f.out.maps, 1);
+  for (const double since_s : {0.0, 1.9}) {
+    EXPECT_TRUE(f.occupied(since_s, {2.05, 0.5, 1.0}));
+    EXPECT_FALSE(f.occupied(since_s, {1.85, 0.5, 1.0}));
+  }
+}
+
+TEST(MapNode, WithoutEyesThereAreNoMaps) {
+  Fixture f(seeing("near"));
+  f.send_state();
+  f.run_for(0.4);
+  EXPECT_EQ(f.out.maps, 0);
+  EXPECT_EQ(f.node.activity(f.now).text, "waits for SEEN_SPACE");
+  f.send_state();
+  SeenSpace(f.now).send(&f);
+  EXPECT_EQ(f.out.maps, 1);
+  f.run_for(0.29);
+  const int maps = f.out.maps;
+  EXPECT_GT(maps, 2);
+  f.run_for(1.0);
+  EXPECT_LE(f.out.maps, maps + 1);
+  EXPECT_EQ(f.out.status.state, map_status_t::kStaleState) << "nor a state";
+  f.send_state();
+  f.run_for(0.49);
+  EXPECT_LE(f.out.maps, maps + 1);
+  EXPECT_TRUE(f.node.activity(f.now).waits);
+}
+
+// Within 1.5 m, but neither the robot's own place nor just beside what was seen.
+TEST(MapNode, UnknownSpaceIsOccupiedWhereItIsNear) {
+  for (const std::string policy : {"free", "near", "occupied"}) {
+    SCOPED_TRACE(policy);
+    Fixture f(seeing(policy));
+    SeenSpace seen(f.now);
+    seen.set(1, {-6.4, -6.4, 1.35}, {6.3, 6.3, 4.1});  // nothing was seen above
+    f.send_state({0, 0, 1});
+    seen.send(&f);
+    EXPECT_EQ(f.occupied(0.0, {0.05, 0.05, 2.05}), policy != "free");
+    EXPECT_EQ(f.occupied(1.9, {0.85, 0.05, 1.75}), policy != "free");
+    EXPECT_EQ(f.occupied(0.0, {2.05, 0.05, 2.05}), policy == "occupied") << "far";
+    EXPECT_FALSE(f.occupied(0.0, {0.85, 0.05, 1.45})) << "beside what was seen";
+    EXPECT_FALSE(f.occupied(0.0, {0.05, 0.05, 1.45})) << "the robot itself";
+    EXPECT_FALSE(f.occupied(0.0, {0.85, 0.05, 0.95})) << "seen";
+  }
+}
+
+TEST(MapNode, SpaceOfOtherVoxelsOrFramesIsRefused) {
+  Fixture f(seeing("near"));
+  f.send_state();
+  SeenSpace coarse(f.now), single(f.now);
+  coarse.space.reset({.resolution_m = 0.2, .size = {64, 64, 32}}, 2, f.now, 100ms);
+  coarse.send(&f);
+  EXPECT_EQ(f.node.refused()[Refusal::kInconsistent], 1);
+  single.space.reset(single.space.geometry, 1, f.now, 100ms);
+  single.send(&f);
+  EXPECT_EQ(f.node.refused()[Refusal::kInconsistent], 2);
+  EXPECT_EQ(f.out.maps, 0);
+}
+
 TEST(MapNode, FirstMapWaitsForObstaclesButNotLong) {
   Fixture with_obstacles, without;
   with_obstacles.send_state();

@@ -46,7 +46,7 @@ RunReport fly(const std::string& kills, double delay_ms = 0.0) {
 }
 
 TEST(Faults, EveryDaemonMayCrashOnce) {
-  for (const char* daemon : kDaemons) {
+  for (const char* daemon : daemons_in({})) {
     for (const double delay_ms : kSanitized ? std::vector{100.0} : std::vector{0.0, 100.0}) {
       SCOPED_TRACE(testing::Message() << daemon << ", " << delay_ms << " ms");
       std::string kills;
@@ -63,7 +63,7 @@ TEST(Faults, EveryDaemonMayCrashOnce) {
 // Three seconds without: the robot flies to the end of what it announced and waits there, the others pass.
 TEST(Faults, WhoeverIsDownWaitsWhereItPromisedTo) {
   const double usual_s = *fly("").robots[1].verdict.flight_time_s;
-  for (const char* daemon : kDaemons) {
+  for (const char* daemon : daemons_in({})) {
     SCOPED_TRACE(daemon);
     const RunReport report = fly(std::string(daemon) + ":1@3-6");
     EXPECT_TRUE(report.touches.empty()) << summary_table(report);

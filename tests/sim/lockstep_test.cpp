@@ -114,6 +114,25 @@ void expect_message(std::span<const std::uint8_t> bytes, Utime sent) {
   EXPECT_GT(to_utime(message.header.utime), sent - 100ms);
 }
 
+// With nothing but what sensors see: the same bytes every time, and no robot takes a peer for an obstacle.
+TEST(Lockstep, RobotsFlyByWhatTheirSensorsSee) {
+  for (const char* sensor : {"lidar", "depth"}) {
+    SCOPED_TRACE(sensor);
+    World world = make_world(Task::kCross, Environment::kPure, 5, 3);
+    world.sensor.kind = sensor;
+    world.sensor.pose_noise_m = 0.02;
+    world.sensor.pose_noise_deg = 0.3;
+    FlightOptions options;
+    if (world.sensor.kind == "depth") options.time_limit_s = 2.0;
+    const Flight flight(world, options);
+    const Outcome expected = options.time_limit_s < 60.0 ? Outcome::kTimeout : Outcome::kSuccess;
+    EXPECT_EQ(flight.report.outcome, expected) << summary_table(flight.report);
+    EXPECT_TRUE(flight.report.touches.empty());
+    const Flight again(world, options);
+    EXPECT_EQ(read_text(flight.directory / "robot0.lcm"), read_text(again.directory / "robot0.lcm"));
+  }
+}
+
 TEST(Lockstep, FourRobotsAmongObstaclesArrive) {
   const Flight flight(circle(4, 2.5, 4, 3));
   EXPECT_EQ(flight.report.outcome, Outcome::kSuccess) << summary_table(flight.report);

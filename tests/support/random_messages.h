@@ -109,6 +109,35 @@ inline void make(Random& random, int elements, corridors_t* m) {
     m->faces.push_back(face);
   }
 }
+inline void make_pose(Random& random, double (&position)[3], double (&orientation)[4]) {
+  fill(random, -1e5, 1e5, position);
+  const double angle = real(random, -3.0, 3.0);
+  orientation[0] = std::cos(angle), orientation[integer(random, 1, 3)] = std::sin(angle);
+}
+inline void make(Random& random, int elements, depth_image_t* m) {
+  m->sensor = static_cast<std::int16_t>(integer(random, 0, 7));
+  make_pose(random, m->position, m->orientation);
+  fill(random, 1, 1e5, m->focal_px);
+  fill(random, -1e5, 1e5, m->center_px);
+  m->num_pixels = std::clamp(elements, 1, 32000);
+  m->width = static_cast<std::int16_t>(m->num_pixels % 2 == 0 ? m->num_pixels / 2 : 1);
+  for (int i = 0; i < m->num_pixels; ++i) m->depth_mm.push_back(static_cast<std::int16_t>(integer(random, 0, 32767)));
+}
+inline void make(Random& random, int elements, lidar_scan_t* m) {
+  m->sensor = static_cast<std::int16_t>(integer(random, 0, 7));
+  make_pose(random, m->position, m->orientation);
+  m->num_parts = static_cast<std::int16_t>(integer(random, 1, 16));
+  m->part = static_cast<std::int16_t>(integer(random, 0, m->num_parts - 1));
+  m->num_coordinates = 3 * (std::min(elements, 30000) / 3);
+  for (int i = 0; i < m->num_coordinates; ++i)
+    m->coordinates.push_back(static_cast<std::int16_t>(integer(random, -32768, 32767)));
+}
+inline void make(Random& random, int, perception_status_t* m) {
+  m->state = static_cast<std::int16_t>(integer(random, 0, 2));
+  m->scans = m->points = m->masked = m->moving = m->standing = m->jumps = m->blind = integer(random, 0, 1 << 22);
+  m->rate_hz = m->scan_ms = static_cast<float>(real(random, 0, 1e3));
+  fill(random, m->refused);
+}
 inline void make(Random& random, int elements, goal_t* m) {
   m->num_waypoints = std::clamp(elements, 1, 1000);
   m->waypoints.resize(static_cast<std::size_t>(m->num_waypoints));
@@ -225,6 +254,18 @@ void each_real(candidate_t& m, F f) {
 template <class F>
 void each_real(corridors_t& m, F f) {
   for (face_t& face : m.faces) each(f, face.normal, face.offset);
+}
+template <class F>
+void each_real(depth_image_t& m, F f) {
+  each(f, m.position, m.orientation, m.focal_px, m.center_px);
+}
+template <class F>
+void each_real(lidar_scan_t& m, F f) {
+  each(f, m.position, m.orientation);
+}
+template <class F>
+void each_real(perception_status_t& m, F f) {
+  each(f, m.rate_hz, m.scan_ms);
 }
 template <class F>
 void each_real(goal_t& m, F f) {

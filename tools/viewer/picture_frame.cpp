@@ -87,7 +87,7 @@ Json planner_json(const planner_status_t& status) {
 }
 
 Json map_json(const map_status_t& status) {
-  static constexpr std::array kStates = {"running", "no robot state", "stale robot state"};
+  static constexpr std::array kStates = {"running", "no robot state", "stale robot state", "nothing seen"};
   return {{"state", name_of(kStates, status.state)}, {"rate_hz", rounded(status.rate_hz)},
           {"build_ms", rounded(status.build_ms)},    {"bytes", status.map_bytes},
           {"obstacles", status.obstacles},           {"refused", refused_json(status)}};

@@ -1,0 +1,197 @@
+#include "map_daemon/perception/free_space_grid.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+
+namespace swarm {
+namespace {
+
+constexpr std::uint64_t kAll = ~std::uint64_t{0};
+constexpr int kFreeScans = 10;  // after so many, a voxel was free
+constexpr int kCounted = 15;
+constexpr Duration kLasting = 2s;  // what is occupied throughout two such stretches stays there
+
+// Fixed point, 16 bits after the point.
+constexpr double kOne = 65536.0;
+constexpr int kShift = 16;
+
+// Of the part of a ray that is within [0, size] along each axis: begins and ends at so much of its length; none if it
+// begins after its end.
+struct Inside {
+  double begin, end;
+};
+Inside clipped(const Eigen::Vector3d& from, const Eigen::Vector3d& way, const Eigen::Vector3d& size) {
+  Inside inside{0.0, 1.0};
+  for (int axis = 0; axis < 3; ++axis) {
+    if (way[axis] == 0.0) {
+      if (from[axis] < 0.0 || from[axis] >= size[axis]) return {1.0, 0.0};
+      continue;
+    }
+    const double a = -from[axis] / way[axis], b = (size[axis] - from[axis]) / way[axis];
+    inside = {std::max(inside.begin, std::min(a, b)), std::min(inside.end, std::max(a, b))};
+  }
+  return inside;
+}
+
+}  // namespace
+
+FreeSpaceGrid::FreeSpaceGrid(double resolution_m, Duration memory)
+    : memory_(memory),
+      geometry_{.resolution_m = resolution_m, .size = {kEdge, kEdge, kHeight}},
+      columns_(kColumns, unknown()),
+      free_(kColumns),
+      surfaces_(kColumns),
+      moving_(kColumns) {
+  surface_columns_.reserve(kColumns);
+}
+
+FreeSpaceGrid::Column FreeSpaceGrid::unknown() {
+  Column column{};
+  for (std::size_t i = 0; i < 4; ++i)
+    column.free_scans[i] = ((kCounted - kFreeScans) >> i & 1) != 0 ? kAll : std::uint64_t{0};
+  return column;
+}
+
+std::uint64_t FreeSpaceGrid::turned(std::uint64_t word) const {
+  return std::rotr(word, geometry_.origin.z() & (kHeight - 1));
+}
+
+void FreeSpaceGrid::move_to(const Eigen::Vector3d& place) {
+  const Eigen::Vector3i origin = lattice_voxel(place, geometry_.resolution_m) - geometry_.size / 2;
+  const Eigen::Vector3i by = origin - geometry_.origin;
+  const bool all = !is_placed_ || (by.cwiseAbs().array() >= geometry_.size.array()).any();
+  is_placed_ = true;
+  geometry_.origin = origin;
+  if (all) {
+    std::fill(columns_.begin(), columns_.end(), unknown());
+    return;
+  }
+  // What left the window on one side lies where what comes into it on the other will.
+  for (int axis = 0; axis < 2; ++axis) {
+    const int first = by[axis] > 0 ? kEdge - by[axis] : 0, count = std::abs(by[axis]);
+    for (int i = first; i < first + count; ++i)
+      for (int j = 0; j < kEdge; ++j)
+        columns_[static_cast<std::size_t>(axis == 0 ? column_of(i, j) : column_of(j, i))] = unknown();
+  }
+  if (by.z() == 0) return;
+  const int count = std::abs(by.z()), first = by.z() > 0 ? kHeight - count : 0;
+  const std::uint64_t entering = std::rotl((kAll >> (kHeight - count)) << first, geometry_.origin.z() & (kHeight - 1));
+  const Column blank = unknown();
+  for (Column& column : columns_) {
+    const auto clear = [entering](std::uint64_t& word, std::uint64_t to) {
+      word = (word & ~entering) | (to & entering);
+    };
+    for (std::uint64_t& word : column.certainty) clear(word, 0);
+    for (std::size_t i = 0; i < 4; ++i) clear(column.free_scans[i], blank.free_scans[i]);
+    for (std::uint64_t& word : column.seen_lately) clear(word, 0);
+    clear(column.ever_free, 0);
+    clear(column.lasting, 0);
+    clear(column.lasting_before, 0);
+  }
+}
+
+// In steps of half a voxel: a corner that the ray cuts may be missed, which errs to the safe side.
+void FreeSpaceGrid::see_free(const Eigen::Vector3d& from, const Eigen::Vector3d& to) {
+  const Eigen::Vector3d start = from / geometry_.resolution_m - geometry_.origin.cast<double>();
+  const Eigen::Vector3d way = (to - from) / geometry_.resolution_m;
+  const Inside inside = clipped(start, way, geometry_.size.cast<double>());
+  if (inside.begin >= inside.end) return;
+  const double length = (inside.end - inside.begin) * way.norm();
+  const int steps = std::max(static_cast<int>(2.0 * length), 1);
+  const Eigen::Vector3d step = (inside.end - inside.begin) / steps * way;
+  // From the middle of the first step on.
+  const Eigen::Vector3d first = start + inside.begin * way + 0.5 * step +
+                                Eigen::Vector3d(geometry_.origin.x() & (kEdge - 1), geometry_.origin.y() & (kEdge - 1),
+                                                geometry_.origin.z() & (kHeight - 1));
+  const auto fixed = [](double value) { return static_cast<std::uint32_t>(static_cast<std::int32_t>(value * kOne)); };
+  std::uint32_t x = fixed(first.x()), y = fixed(first.y()), z = fixed(first.z());
+  const std::uint32_t dx = fixed(step.x()), dy = fixed(step.y()), dz = fixed(step.z());
+  for (int i = 0; i < steps; ++i) {
+    const std::uint32_t column = (x >> kShift & (kEdge - 1)) * kEdge + (y >> kShift & (kEdge - 1));
+    free_[column] |= std::uint64_t{1} << (z >> kShift & (kHeight - 1));
+    x += dx, y += dy, z += dz;
+  }
+}
+
+void FreeSpaceGrid::see_surface(const Eigen::Vector3d& place) {
+  const Eigen::Vector3i voxel = geometry_.voxel_of(place);
+  if (!geometry_.contains(voxel)) return;
+  const int column = column_of(voxel.x(), voxel.y());
+  std::uint64_t& word = surfaces_[static_cast<std::size_t>(column)];
+  if (word == 0) surface_columns_.push_back(column);
+  word |= std::uint64_t{1} << ((voxel.z() + geometry_.origin.z()) & (kHeight - 1));
+}
+
+void FreeSpaceGrid::mark_moving(const Eigen::Vector3d& place) {
+  const Eigen::Vector3i voxel = geometry_.voxel_of(place);
+  if (!geometry_.contains(voxel)) return;
+  moving_[static_cast<std::size_t>(column_of(voxel.x(), voxel.y()))] |=
+      std::uint64_t{1} << ((voxel.z() + geometry_.origin.z()) & (kHeight - 1));
+}
+
+void FreeSpaceGrid::learn(std::uint64_t free, std::uint64_t surfaces, std::uint64_t moving, Column* column) {
+  // Occupied: 3 once, 7 once more, one less each time that it is seen free.
+  const std::uint64_t standing = surfaces & ~moving, some = column->occupied();
+  auto& certainty = column->certainty;
+  std::uint64_t borrow = free & some;
+  for (std::uint64_t& bit : certainty) {
+    bit ^= borrow;
+    borrow &= bit;
+  }
+  certainty[0] |= standing;
+  certainty[1] |= standing;
+  certainty[2] |= standing & some;
+  // Free: a count that stops at its highest, and starts again below it.
+  auto& count = column->free_scans;
+  std::uint64_t carry = free & ~(count[0] & count[1] & count[2] & count[3]);
+  for (std::size_t i = 0; i < count.size(); ++i) {
+    const std::uint64_t both = count[i] & carry;
+    count[i] ^= carry;
+    carry = both;
+    const std::uint64_t again = ((kCounted - kFreeScans) >> i & 1) != 0 ? surfaces : std::uint64_t{0};
+    count[i] = (count[i] & ~surfaces) | again;
+  }
+  column->ever_free |= count[0] & count[1] & count[2] & count[3];
+  column->lasting &= column->occupied();
+  column->seen_lately[0] |= free | surfaces;
+}
+
+void FreeSpaceGrid::finish(Utime utime) {
+  // Surfaces err by a part of a voxel: what is beside them is not free for certain.
+  for (const int column : surface_columns_) {
+    const std::uint64_t word = surfaces_[static_cast<std::size_t>(column)];
+    const std::uint64_t beside = word | std::rotl(word, 1) | std::rotr(word, 1);
+    const int x = column / kEdge, y = column % kEdge;
+    for (int i = -1; i <= 1; ++i)
+      for (int j = -1; j <= 1; ++j)
+        free_[static_cast<std::size_t>(((x + i) & (kEdge - 1)) * kEdge + ((y + j) & (kEdge - 1)))] &= ~beside;
+  }
+  for (std::size_t i = 0; i < kColumns; ++i) {
+    if ((free_[i] | surfaces_[i]) != 0) learn(free_[i], surfaces_[i], moving_[i], &columns_[i]);
+    free_[i] = surfaces_[i] = moving_[i] = 0;
+  }
+  surface_columns_.clear();
+  forget_old(utime);
+}
+
+void FreeSpaceGrid::forget_old(Utime utime) {
+  const auto is_over = [utime](Utime since, Duration stretch) { return utime < since || utime >= since + stretch; };
+  if (is_over(seen_since_, memory_ / 2)) {
+    seen_since_ = utime;
+    for (Column& column : columns_) {
+      std::rotate(column.seen_lately.begin(), column.seen_lately.end() - 1, column.seen_lately.end());
+      column.seen_lately[0] = 0;
+    }
+  }
+  if (is_over(lasting_since_, kLasting)) {
+    lasting_since_ = utime;
+    for (Column& column : columns_) {
+      column.ever_free &= ~(column.lasting & column.lasting_before);
+      column.lasting_before = column.lasting;
+      column.lasting = column.occupied();
+    }
+  }
+}
+
+}  // namespace swarm

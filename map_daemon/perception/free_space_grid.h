@@ -1,0 +1,83 @@
+// What is known of the space around a robot, from where the rays of its range sensors end and what they pass: what is
+// occupied, what was free for so long that whatever is there now must have come, what was not seen at all. A window of
+// voxels moves with the robot; of each voxel a few bits are kept, and all 64 voxels of a column are updated at once.
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "lcmtypes/bus/time.h"
+#include "map_daemon/sogm.h"
+
+namespace swarm {
+
+class FreeSpaceGrid {
+ public:
+  static constexpr int kEdge = 128;   // voxels of the window along x and y
+  static constexpr int kHeight = 64;  // and along z: one word a column
+
+  // `memory`: what was not seen for so long is unknown again (up to half as much longer).
+  FreeSpaceGrid(double resolution_m, Duration memory);
+
+  // Moves the window so that `place` (W [m]) is in its middle; of what comes into it nothing is known.
+  void move_to(const Eigen::Vector3d& place);
+
+  // One scan: whatever its rays pass and where they end, then finish(). Places outside the window are ignored.
+  void see_free(const Eigen::Vector3d& from, const Eigen::Vector3d& to);
+  void see_surface(const Eigen::Vector3d& place);
+  // Columns with surfaces in this scan.
+  const std::vector<int>& surface_columns() const { return surface_columns_; }
+  // A surface of what moves: it is not kept as occupied.
+  void mark_moving(const Eigen::Vector3d& place);
+  void finish(Utime utime);
+
+  // The window; columns are numbered by column_of(), bit k of a word is voxel k of the window along z.
+  const GridGeometry& geometry() const { return geometry_; }
+  int column_of(int x, int y) const {
+    return ((x + geometry_.origin.x()) & (kEdge - 1)) * kEdge + ((y + geometry_.origin.y()) & (kEdge - 1));
+  }
+  Eigen::Vector2i place_of(int column) const {
+    return {(column / kEdge - geometry_.origin.x()) & (kEdge - 1),
+            (column % kEdge - geometry_.origin.y()) & (kEdge - 1)};
+  }
+  // surfaces() and free() are of this scan, the others of what was known before it.
+  std::uint64_t surfaces(int column) const { return turned(surfaces_[static_cast<std::size_t>(column)]); }
+  std::uint64_t free(int column) const { return turned(free_[static_cast<std::size_t>(column)]); }
+  std::uint64_t occupied(int column) const { return turned(column_at(column).occupied()); }
+  // Was free in ten scans one after the other, and not occupied for four seconds since.
+  std::uint64_t ever_free(int column) const { return turned(column_at(column).ever_free); }
+  std::uint64_t seen(int column) const { return turned(column_at(column).seen()); }
+
+ private:
+  static constexpr std::size_t kColumns = std::size_t{kEdge} * kEdge;
+
+  // Numbers are kept bit by bit: bit i of each of 64 numbers is in word i.
+  struct Column {
+    std::array<std::uint64_t, 3> certainty;   // of being occupied, 0 to 7
+    std::array<std::uint64_t, 4> free_scans;  // without a break, counted up to 15
+    std::uint64_t ever_free, lasting, lasting_before;
+    std::array<std::uint64_t, 3> seen_lately;  // in this stretch of time and the two before
+
+    std::uint64_t occupied() const { return certainty[0] | certainty[1] | certainty[2]; }
+    std::uint64_t seen() const { return seen_lately[0] | seen_lately[1] | seen_lately[2]; }
+  };
+  static Column unknown();
+  static void learn(std::uint64_t free, std::uint64_t surfaces, std::uint64_t moving, Column* column);
+
+  const Column& column_at(int column) const { return columns_[static_cast<std::size_t>(column)]; }
+  // In the order of the window.
+  std::uint64_t turned(std::uint64_t word) const;
+  void forget_old(Utime utime);
+
+  Duration memory_;
+  GridGeometry geometry_;
+  bool is_placed_ = false;
+  std::vector<Column> columns_;
+  std::vector<std::uint64_t> free_, surfaces_, moving_;  // of this scan
+  std::vector<int> surface_columns_;
+  Utime seen_since_{}, lasting_since_{};
+};
+
+}  // namespace swarm

@@ -1,0 +1,326 @@
+#include "map_daemon/perception/perception.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <utility>
+
+namespace swarm {
+namespace {
+
+using sogm_swarm::obstacle_t;
+
+constexpr std::int32_t kNew = -1;
+constexpr double kGate_m = 0.25;  // from where a track's surface should be to points of it, besides its errors
+constexpr double kMaxRadius_m = 0.8;
+constexpr double kRound_rms = 2.5;  // times the noise: then it is round
+constexpr double kLeastShare = 0.3,
+                 kRoundShare = 0.8;              // of the points on the circle: of a track that is known, of a new one
+constexpr double kWellKnown = 40.0;              // points that measured a radius
+constexpr double kBeside_m = 0.15;               // what is so far from a circle is something else
+constexpr int kMaxRounds = 6;                    // columns that are found in one cluster
+constexpr double kSlow_mps = 0.1, kClear = 2.0;  // below, or within so many standard deviations, it stands
+constexpr double kMostGate_m = 0.5;
+constexpr double kTile_m = 0.8;        // what is not round and moved is taken in pieces of this size
+constexpr double kShapeless_m = 0.08;  // standard deviation of where the middle of such a piece is
+constexpr std::size_t kLeastPoints = 4, kFitPoints = 160;
+constexpr double kAround_m = 0.15;  // surfaces so near to what moves are of it
+
+}  // namespace
+
+bool moves(const Track& track) {
+  const double speed_mps = track.obstacle.velocity.norm();
+  return speed_mps > kSlow_mps && speed_mps > kClear * velocity_sigma_mps(track);
+}
+
+Perception::Perception(const PerceptionConfig& config)
+    : config_(config), grid_(config.resolution_m, to_duration(config.memory_s)), tracker_(config.tracks) {}
+
+void Perception::update(const RangeScan& scan, std::span<const PeerMask::Ball> robots,
+                        const sogm_swarm::header_t& header) {
+  look(scan, robots);
+  expect_tracks(scan.utime);
+  pieces_.clear();
+  for (const Cluster& cluster : finder_.find(grid_, surfaces_)) divide(cluster, scan);
+  report_.header = header;
+  report_.header.utime = to_us(scan.utime);
+  report_.complete = false;
+  report_.obstacles.clear();
+  for (const Piece& piece : pieces_) report_piece(piece, scan);
+  report_.num_obstacles = static_cast<std::int32_t>(report_.obstacles.size());
+  tracker_.update(report_);
+  tracker_.forget(scan.utime, 1s);
+  mark_moving();
+  grid_.finish(scan.utime);
+  draw_seen_space(scan.utime);
+}
+
+void Perception::forget() {
+  grid_ = FreeSpaceGrid(config_.resolution_m, to_duration(config_.memory_s));
+  tracker_ = Tracker(config_.tracks);
+  forms_.clear();
+}
+
+void Perception::look(const RangeScan& scan, std::span<const PeerMask::Ball> robots) {
+  grid_.move_to(scan.origin);
+  for (const RangeScan::Ray& ray : scan.free) grid_.see_free(ray.from, ray.to);
+  surfaces_.clear();
+  for (const Eigen::Vector3d& place : scan.surfaces) {
+    const bool is_robot = std::ranges::any_of(robots, [&](const PeerMask::Ball& ball) {
+      return (place - ball.center).squaredNorm() <= ball.radius_m * ball.radius_m;
+    });
+    if (is_robot) continue;
+    surfaces_.push_back(place);
+    grid_.see_surface(place);
+  }
+  masked_ = static_cast<int>(scan.surfaces.size() - surfaces_.size());
+}
+
+void Perception::expect_tracks(Utime utime) {
+  expected_.clear();
+  for (const Track& track : tracker_.tracks()) {
+    const double dt_s = to_seconds(utime - track.obstacle.utime);
+    const double sigma_m = position_sigma_m(track, utime);
+    expected_.push_back({.id = track.id,
+                         .center = (track.obstacle.position + dt_s * track.obstacle.velocity).head<2>(),
+                         .gate_m = kGate_m + std::min(2.0 * sigma_m, kMostGate_m),
+                         .form = &forms_[track.id]});
+  }
+}
+
+void Perception::divide(const Cluster& cluster, const RangeScan& scan) {
+  std::vector<const Expected*> near;
+  for (const Expected& track : expected_) {
+    const double reach_m = track.form->radius.radius_m + track.gate_m;
+    const Eigen::Vector2d outside =
+        (cluster.low.head<2>() - track.center).cwiseMax(track.center - cluster.high.head<2>()).cwiseMax(0.0);
+    if (outside.norm() <= reach_m) near.push_back(&track);
+  }
+  if (near.empty()) return add_new_pieces(cluster, scan, cluster.points);
+  std::vector<std::vector<int>> parts(near.size());
+  std::vector<int> rest;
+  for (const int point : cluster.points) {
+    const Eigen::Vector2d place = surfaces_[static_cast<std::size_t>(point)].head<2>();
+    std::size_t best = near.size();
+    double nearest_m = 1e9;
+    for (std::size_t i = 0; i < near.size(); ++i) {
+      const double out_m = (place - near[i]->center).norm() - near[i]->form->radius.radius_m;
+      const double away_m = near[i]->form->is_round ? std::abs(out_m) : std::max(out_m, 0.0);
+      if (away_m > near[i]->gate_m || away_m >= nearest_m) continue;
+      nearest_m = away_m;
+      best = i;
+    }
+    (best < near.size() ? parts[best] : rest).push_back(point);
+  }
+  for (std::size_t i = 0; i < near.size(); ++i) {
+    const auto known = std::ranges::find(pieces_, near[i]->id, &Piece::id);  // seen in another cluster
+    if (known != pieces_.end()) {
+      if (known->points.size() >= parts[i].size()) continue;
+      pieces_.erase(known);
+    }
+    Piece piece{.id = near[i]->id, .points = std::move(parts[i]), .cluster = &cluster};
+    if (fit_track(*near[i], scan, &piece, &rest)) pieces_.push_back(std::move(piece));
+  }
+  // A few points beside a track are of it.
+  if (rest.size() * 4 > cluster.points.size()) add_new_pieces(cluster, scan, std::move(rest));
+}
+
+bool Perception::fit_track(const Expected& track, const RangeScan& scan, Piece* piece, std::vector<int>* left) {
+  if (piece->points.size() < kLeastPoints) return false;
+  const double noise_m = scan.noise_at((track.center - scan.origin.head<2>()).norm());
+  const RoundFit fit =
+      fit_round(seen_from_above(piece->points), scan.origin.head<2>(), track.form->radius, track.center, noise_m);
+  const double share = static_cast<double>(fit.on_circle) / static_cast<double>(from_above_.size());
+  piece->is_round = fit.converged && fit.rms_m <= kRound_rms * noise_m && fit.radius.radius_m <= kMaxRadius_m &&
+                    (fit.center - track.center).norm() <= 2.0 * track.gate_m &&
+                    share >= (track.form->is_round ? kLeastShare : kRoundShare);
+  if (piece->is_round) {
+    std::vector<int> points = std::move(piece->points);
+    piece->points.clear();
+    take_round(fit, &points, piece);
+    left->insert(left->end(), points.begin(), points.end());
+    return true;
+  }
+  if (track.form->is_round && track.form->radius.weight > kWellKnown) {  // something else is there
+    left->insert(left->end(), piece->points.begin(), piece->points.end());
+    return false;
+  }
+  std::erase_if(piece->points, [&](int point) {
+    const bool is_off = (surfaces_[static_cast<std::size_t>(point)].head<2>() - track.center).norm() > kTile_m;
+    if (is_off) left->push_back(point);
+    return is_off;
+  });
+  if (piece->points.size() < kLeastPoints) return false;
+  surround(piece);
+  return true;
+}
+
+void Perception::add_new_pieces(const Cluster& cluster, const RangeScan& scan, std::vector<int> points) {
+  if (points.size() < kLeastPoints) return;
+  Piece whole{.id = kNew, .points = std::move(points), .cluster = &cluster};
+  if (fit_new(scan, &whole)) return pieces_.push_back(std::move(whole));
+  add_rounds(cluster, scan, &whole.points);
+  // What stands is drawn as it was seen.
+  if (whole.points.size() >= kLeastPoints && 2 * cluster.moved_voxels >= cluster.voxels)
+    add_tiles(cluster, whole.points);
+}
+
+void Perception::add_rounds(const Cluster& cluster, const RangeScan& scan, std::vector<int>* points) {
+  for (int i = 0; i < kMaxRounds && points->size() >= kLeastPoints; ++i) {
+    const std::span<const Eigen::Vector2d> places = seen_from_above(*points);
+    const double noise_m = scan.noise_at((places[0] - scan.origin.head<2>()).norm());
+    const std::optional<RoundFit> fit = find_round(places, scan.origin.head<2>(), noise_m);
+    if (!fit) return;
+    Piece piece{.id = kNew, .points = {}, .cluster = &cluster};
+    take_round(*fit, points, &piece);
+    if (piece.points.size() >= kLeastPoints) pieces_.push_back(std::move(piece));
+  }
+}
+
+// The points on the circle become the piece's.
+void Perception::take_round(const RoundFit& fit, std::vector<int>* points, Piece* piece) {
+  piece->is_round = true;
+  piece->center = fit.center;
+  piece->sigma_m = fit.sigma_m;
+  piece->radius = fit.radius;
+  std::vector<int> left;
+  for (const int point : *points) {
+    const Eigen::Vector2d place = surfaces_[static_cast<std::size_t>(point)].head<2>();
+    const bool is_on = std::abs((place - fit.center).norm() - fit.radius.radius_m) <= kBeside_m;
+    (is_on ? piece->points : left).push_back(point);
+  }
+  *points = std::move(left);
+}
+
+void Perception::add_tiles(const Cluster& cluster, const std::vector<int>& points) {
+  Eigen::Vector2d low = surfaces_[static_cast<std::size_t>(points[0])].head<2>(), high = low;
+  for (const int point : points) {
+    low = low.cwiseMin(surfaces_[static_cast<std::size_t>(point)].head<2>());
+    high = high.cwiseMax(surfaces_[static_cast<std::size_t>(point)].head<2>());
+  }
+  const Eigen::Vector2i tiles = ((high - low) / kTile_m).array().ceil().max(1.0).matrix().cast<int>();
+  std::vector<Piece> parts(static_cast<std::size_t>(tiles.prod()),
+                           Piece{.id = kNew, .points = {}, .cluster = &cluster});
+  for (const int point : points) {
+    const Eigen::Vector2d place = surfaces_[static_cast<std::size_t>(point)].head<2>();
+    const Eigen::Vector2i tile = ((place - low) / kTile_m).cast<int>().cwiseMin(tiles - Eigen::Vector2i::Ones());
+    parts[static_cast<std::size_t>(tile.x() * tiles.y() + tile.y())].points.push_back(point);
+  }
+  for (Piece& part : parts) {
+    if (part.points.size() < kLeastPoints) continue;
+    surround(&part);
+    pieces_.push_back(std::move(part));
+  }
+}
+
+bool Perception::fit_new(const RangeScan& scan, Piece* piece) {
+  const std::span<const Eigen::Vector2d> places = seen_from_above(piece->points);
+  const double noise_m = scan.noise_at((places[0] - scan.origin.head<2>()).norm());
+  const RoundFit fit = fit_round(places, scan.origin.head<2>(), {}, {}, noise_m);
+  const double share = static_cast<double>(fit.on_circle) / static_cast<double>(from_above_.size());
+  piece->is_round = fit.rms_m <= kRound_rms * noise_m && fit.radius.radius_m <= kMaxRadius_m && share >= kRoundShare;
+  piece->center = fit.center;
+  piece->sigma_m = fit.sigma_m;
+  piece->radius = fit.radius;
+  return piece->is_round;
+}
+
+// A circle around all of it.
+void Perception::surround(Piece* piece) {
+  const std::span<const Eigen::Vector2d> places = seen_from_above(piece->points);
+  Eigen::Vector2d low = places[0], high = places[0];
+  for (const Eigen::Vector2d& place : places) low = low.cwiseMin(place), high = high.cwiseMax(place);
+  piece->center = 0.5 * (low + high);
+  double radius_m = 0.0;
+  for (const Eigen::Vector2d& place : places) radius_m = std::max(radius_m, (place - piece->center).norm());
+  piece->radius = {radius_m, 0.0};
+  piece->sigma_m = kShapeless_m;
+  piece->is_round = false;
+}
+
+std::span<const Eigen::Vector2d> Perception::seen_from_above(const std::vector<int>& points) {
+  from_above_.clear();
+  const std::size_t every = points.size() / kFitPoints + 1;
+  for (std::size_t i = 0; i < points.size(); i += every)
+    from_above_.push_back(surfaces_[static_cast<std::size_t>(points[i])].head<2>());
+  return from_above_;
+}
+
+void Perception::report_piece(const Piece& piece, const RangeScan& scan) {
+  Form form = piece.id == kNew ? Form{} : forms_[piece.id];
+  form.is_round = piece.is_round;
+  form.radius = piece.radius;
+  double top_m = -1e9, bottom_m = 1e9;
+  for (const int point : piece.points) {
+    top_m = std::max(top_m, surfaces_[static_cast<std::size_t>(point)].z());
+    bottom_m = std::min(bottom_m, surfaces_[static_cast<std::size_t>(point)].z());
+  }
+  const GridGeometry& window = grid_.geometry();
+  if (2 * piece.cluster->open_above <= piece.cluster->num_columns) {
+    form.top_m = form.has_top ? std::max(form.top_m, top_m) : top_m;
+    form.has_top = true;
+  }
+  if (2 * piece.cluster->open_below <= piece.cluster->num_columns) {
+    form.bottom_m = form.has_bottom ? std::min(form.bottom_m, bottom_m) : bottom_m;
+    form.has_bottom = true;
+  }
+  const double highest_m = (window.origin.z() + window.size.z()) * window.resolution_m;
+  const double lowest_m = window.origin.z() * window.resolution_m;
+  top_m = form.has_top ? std::max(form.top_m, top_m) : std::max(highest_m, top_m);
+  bottom_m = form.has_bottom ? std::min(form.bottom_m, bottom_m) : std::min(lowest_m, bottom_m);
+
+  const double away_m = (piece.center - scan.origin.head<2>()).norm(), turned_m = config_.pose_rad * away_m;
+  obstacle_t obstacle{};
+  obstacle.id = piece.id == kNew ? next_id_++ : piece.id;
+  obstacle.shape = obstacle_t::kColumn;
+  Eigen::Map<Eigen::Vector3d>(obstacle.position) << piece.center, 0.5 * (top_m + bottom_m);
+  obstacle.size[0] = 2.0 * form.radius.radius_m, obstacle.size[1] = top_m - bottom_m;
+  obstacle.position_sigma = static_cast<float>(
+      std::sqrt(piece.sigma_m * piece.sigma_m + config_.pose_m * config_.pose_m + turned_m * turned_m));
+  obstacle.velocity_sigma = -1.0f;
+  forms_[obstacle.id] = form;
+  report_.obstacles.push_back(obstacle);
+}
+
+void Perception::mark_moving() {
+  std::erase_if(forms_, [this](const auto& entry) {
+    return std::ranges::none_of(tracker_.tracks(), [&](const Track& track) { return track.id == entry.first; });
+  });
+  for (std::size_t i = 0; i < pieces_.size(); ++i) {
+    const auto track = std::ranges::find(tracker_.tracks(), report_.obstacles[i].id, &Track::id);
+    if (track == tracker_.tracks().end() || !moves(*track)) continue;
+    for (const int point : pieces_[i].points) grid_.mark_moving(surfaces_[static_cast<std::size_t>(point)]);
+  }
+}
+
+void Perception::draw_seen_space(Utime utime) {
+  seen_space_.reset(grid_.geometry(), 2, utime, 100ms);
+  for (int x = 0; x < FreeSpaceGrid::kEdge; ++x) {
+    for (int y = 0; y < FreeSpaceGrid::kEdge; ++y) {
+      const int column = grid_.column_of(x, y);
+      const std::uint64_t occupied = grid_.occupied(column);
+      *seen_space_.column(0, x, y) = occupied;
+      *seen_space_.column(1, x, y) = ~(grid_.seen(column) | occupied);
+    }
+  }
+  // What moves is drawn by its track: its surfaces of a moment ago are no walls.
+  const GridGeometry& window = grid_.geometry();
+  for (const Track& track : tracker_.tracks()) {
+    if (!moves(track)) continue;
+    const double dt_s = to_seconds(utime - track.obstacle.utime);
+    const Eigen::Vector3d center = track.obstacle.position + dt_s * track.obstacle.velocity;
+    const double reach_m = track.obstacle.shape.size.x() / 2 + kAround_m, half_m = track.obstacle.shape.size.y() / 2;
+    const Eigen::Vector3i low = window.voxel_of(center - Eigen::Vector3d(reach_m, reach_m, half_m + kAround_m));
+    const Eigen::Vector3i high = window.voxel_of(center + Eigen::Vector3d(reach_m, reach_m, half_m + kAround_m));
+    for (int x = std::max(low.x(), 0); x <= std::min(high.x(), FreeSpaceGrid::kEdge - 1); ++x) {
+      for (int y = std::max(low.y(), 0); y <= std::min(high.y(), FreeSpaceGrid::kEdge - 1); ++y) {
+        const Eigen::Vector3d place = window.center_of({x, y, 0});
+        if ((place - center).head<2>().norm() > reach_m) continue;
+        for_each_word_of_run(low.z(), high.z(), window.size.z(),
+                             [&](int word, std::uint64_t bits) { seen_space_.column(0, x, y)[word] &= ~bits; });
+      }
+    }
+  }
+}
+
+}  // namespace swarm

@@ -1,0 +1,111 @@
+// From the scans of range sensors to what map_daemon draws: what stands, what moves and how fast, and what was seen at
+// all. Moving obstacles are tracked by the tracker of the map daemon, from the same reports that it gets.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <span>
+#include <vector>
+
+#include "map_daemon/perception/clusters.h"
+#include "map_daemon/perception/free_space_grid.h"
+#include "map_daemon/perception/peer_mask.h"
+#include "map_daemon/perception/range_scan.h"
+#include "map_daemon/perception/round_fit.h"
+#include "map_daemon/tracker.h"
+#include "sogm_swarm/obstacles_t.hpp"
+
+namespace swarm {
+
+struct PerceptionConfig {
+  ScanConfig scan;
+  double resolution_m = 0.1;  // of the grid
+  double memory_s = 2.0;      // what was not seen for so long is unknown
+  double pose_m = 0.01;       // of the sensor's position
+  double pose_rad = 0.005;    // and of its direction
+  TrackerConfig tracks;
+};
+
+// Whether the track's velocity is more than the errors of its positions make.
+bool moves(const Track& track);
+
+class Perception {
+ public:
+  explicit Perception(const PerceptionConfig& config);
+
+  // One scan. `robots`: what in it is no obstacle. `header`: of the report.
+  void update(const RangeScan& scan, std::span<const PeerMask::Ball> robots, const sogm_swarm::header_t& header);
+
+  // The obstacles that the newest scan saw: columns, with no velocities, by the ids of their tracks.
+  const sogm_swarm::obstacles_t& report() const { return report_; }
+  // Two frames: what stands (without what moves), and what was not seen.
+  const Sogm& seen_space() const { return seen_space_; }
+  const Tracker& tracker() const { return tracker_; }
+  const FreeSpaceGrid& grid() const { return grid_; }
+  int points() const { return static_cast<int>(surfaces_.size()) + masked_; }
+  int masked() const { return masked_; }
+  // Where the sensors were is not known any more.
+  void forget();
+  // The clock was set by `step`.
+  void shift(Duration step) { tracker_.shift(step); }
+
+ private:
+  // What a track's shape was found to be.
+  struct Form {
+    bool is_round = false;
+    RadiusPrior radius;
+    double top_m = 0.0, bottom_m = 0.0;
+    bool has_top = false, has_bottom = false;  // seen to end there
+  };
+  // A track where it should be at the time of the scan.
+  struct Expected {
+    std::int32_t id;
+    Eigen::Vector2d center;
+    double gate_m;
+    const Form* form;
+  };
+  struct Piece {
+    std::int32_t id;          // of its track; kNew
+    std::vector<int> points;  // indices of surfaces_
+    const Cluster* cluster;
+    Eigen::Vector2d center = Eigen::Vector2d::Zero();  // W [m]
+    double sigma_m = 0.0;                              // of it
+    RadiusPrior radius{};
+    bool is_round = false;
+  };
+
+  void look(const RangeScan& scan, std::span<const PeerMask::Ball> robots);
+  void expect_tracks(Utime utime);
+  // Divides a cluster among the tracks that it may be of, and what is left.
+  void divide(const Cluster& cluster, const RangeScan& scan);
+  // Finds where a track is by points that may be of it; which are not, is left. False: nowhere.
+  bool fit_track(const Expected& track, const RangeScan& scan, Piece* piece, std::vector<int>* left);
+  void add_new_pieces(const Cluster& cluster, const RangeScan& scan, std::vector<int> points);
+  void add_rounds(const Cluster& cluster, const RangeScan& scan, std::vector<int>* points);
+  void take_round(const RoundFit& fit, std::vector<int>* points, Piece* piece);
+  void add_tiles(const Cluster& cluster, const std::vector<int>& points);
+  bool fit_new(const RangeScan& scan, Piece* piece);
+  void surround(Piece* piece);
+  void report_piece(const Piece& piece, const RangeScan& scan);
+  void mark_moving();
+  void draw_seen_space(Utime utime);
+  std::span<const Eigen::Vector2d> seen_from_above(const std::vector<int>& points);
+
+  PerceptionConfig config_;
+  FreeSpaceGrid grid_;
+  ClusterFinder finder_;
+  Tracker tracker_;
+  std::map<std::int32_t, Form> forms_;  // of tracks, by id
+  std::int32_t next_id_ = 0;
+
+  // Of the newest scan.
+  std::vector<Eigen::Vector3d> surfaces_;
+  int masked_ = 0;
+  std::vector<Expected> expected_;
+  std::vector<Piece> pieces_;
+  std::vector<Eigen::Vector2d> from_above_;
+  sogm_swarm::obstacles_t report_{};
+  Sogm seen_space_;
+};
+
+}  // namespace swarm

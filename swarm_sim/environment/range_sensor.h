@@ -1,0 +1,55 @@
+// A simulated depth camera or LiDAR on a robot: what it measures of the world, with its noise, and where it takes
+// itself to be.
+#pragma once
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+#include <vector>
+
+#include "lcmtypes/bus/time.h"
+#include "sogm_swarm/depth_image_t.hpp"
+#include "sogm_swarm/lidar_scan_t.hpp"
+#include "swarm_sim/environment/ray_caster.h"
+#include "swarm_sim/environment/wander.h"
+#include "swarm_sim/world/random.h"
+
+namespace swarm {
+
+// Of a sensor or a body, in the world.
+struct Pose {
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();               // W [m]
+  Eigen::Quaterniond orientation = Eigen::Quaterniond::Identity();  // to W
+};
+
+// A body that flies with this acceleration (W [m/s^2]) and looks to `yaw_rad`: its rotors push along its z axis.
+Eigen::Quaterniond attitude_of(const Eigen::Vector3d& acceleration, double yaw_rad);
+
+class RangeSensor {
+ public:
+  // The same robot of the same world measures the same. `world` must outlive it.
+  RangeSensor(const World& world, int robot_id);
+
+  Duration period() const;
+
+  // What it measures at world time `t_s` from a body at `truth` that takes itself to be at `believed`; without header.
+  // As messages: the parts of a LIDAR_SCAN, or one DEPTH_IMAGE.
+  std::vector<sogm_swarm::lidar_scan_t> scan(RayCaster& caster, const std::vector<RayCaster::Ball>& robots, double t_s,
+                                             const Pose& truth, const Pose& believed);
+  sogm_swarm::depth_image_t image(RayCaster& caster, const std::vector<RayCaster::Ball>& robots, double t_s,
+                                  const Pose& truth, const Pose& believed);
+
+ private:
+  Pose with_error(const Pose& pose, double t_s);
+  // Distances of rays in a grid of `width` a row, as measured; 0 where nothing was.
+  void measure(RayCaster& caster, const Eigen::Matrix3d& to_world, int width, double least_m, double range_m,
+               double noise_per_m2);
+
+  SensorOptions options_;
+  Random random_;
+  Wander fast_position_, slow_position_, fast_turn_, slow_turn_;
+  double last_t_s_ = -1.0;
+  std::vector<Eigen::Vector3d> directions_;  // of length 1, in the sensor's frame
+  std::vector<double> true_m_, measured_m_;
+};
+
+}  // namespace swarm

@@ -1,0 +1,184 @@
+// How well perception tracks people-like columns from a simulated depth camera or LiDAR, and how long a scan takes it:
+//   perception_bench lidar|depth [--pose-noise-m M] [--pose-noise-deg D] ...
+#include <algorithm>
+#include <chrono>
+#include <iostream>
+#include <numbers>
+
+#include "lcmtypes/bus/option_set.h"
+#include "lcmtypes/bus/portable_math.h"
+#include "lcmtypes/bus/text.h"
+#include "map_daemon/perception/perception.h"
+#include "swarm_sim/environment/range_sensor.h"
+
+namespace swarm {
+namespace {
+
+struct Options {
+  std::string sensor = "lidar";
+  int obstacles = 15, worlds = 5;
+  double duration_s = 20.0, noise_m = 0.0, noise_deg = 0.0, speed_mps = 1.0, circle_mps = 1.5, diameter_m = 0.45;
+  double pose_m = 0.01, pose_rad = 0.005, acceleration_mps2 = 0.5;
+};
+
+struct Sample {
+  std::vector<double> position_m, velocity_mps, latency_s, scan_ms;
+  int due = 0, missed = 0, false_moving = 0, scans = 0;
+};
+
+double percentile(std::vector<double> values, double share) {
+  if (values.empty()) return 0.0;
+  std::sort(values.begin(), values.end());
+  return values[std::min(values.size() - 1, static_cast<std::size_t>(share * static_cast<double>(values.size())))];
+}
+
+World world_of(const Options& options, int number) {
+  World world;
+  world.name = "perception " + std::to_string(number);
+  world.obstacle_bounds = {{-7, -7}, {7, 7}};
+  world.sensor.kind = options.sensor;
+  world.sensor.pose_noise_m = options.noise_m;
+  world.sensor.pose_noise_deg = options.noise_deg;
+  Random random(seed_of(world.name));
+  for (int i = 0; i < options.obstacles; ++i) {
+    WorldObstacle obstacle;
+    obstacle.shape = {.kind = Shape::Kind::kColumn, .size = {options.diameter_m, 1.8, 0.0}};
+    obstacle.center = {14.0 * random.uniform() - 7.0, 14.0 * random.uniform() - 7.0, 0.9};
+    const auto [sin, cos] = sin_cos(2.0 * std::numbers::pi * random.uniform());
+    obstacle.velocity_mps = options.speed_mps * Eigen::Vector2d(cos, sin);
+    world.obstacles.push_back(obstacle);
+  }
+  return world;
+}
+
+void fly(const Options& options, int number, Sample* sample) {
+  const World world = world_of(options, number);
+  RangeSensor sensor(world, 0);
+  RayCaster caster(world, nullptr);
+  PerceptionConfig config;
+  config.pose_m = options.pose_m;
+  config.pose_rad = options.pose_rad;
+  config.tracks.acceleration_mps2 = options.acceleration_mps2;
+  Perception perception(config);
+  RangeScan scan;
+  const double radius_m = 3.0, period_s = to_seconds(sensor.period());
+  std::vector<double> seen_since(world.obstacles.size(), -1.0), turned(world.obstacles.size(), -10.0);
+  std::vector<Eigen::Vector3d> velocities(world.obstacles.size());
+  std::vector<bool> usable(world.obstacles.size());
+  for (double t_s = 0.0; t_s < options.duration_s; t_s += period_s) {
+    const double angle = options.circle_mps / radius_m * t_s;
+    const auto [sin, cos] = sin_cos(angle);
+    const Pose pose{{radius_m * cos, radius_m * sin, 1.0},
+                    attitude_of({0, 0, 0}, std::remainder(angle + std::numbers::pi / 2, 2 * std::numbers::pi))};
+    const Utime utime = Utime(1000s) + to_duration(t_s);
+    sogm_swarm::header_t header{};
+    header.utime = to_us(utime);
+    std::vector<sogm_swarm::lidar_scan_t> parts;
+    sogm_swarm::depth_image_t image;
+    if (options.sensor == "lidar") {
+      parts = sensor.scan(caster, {}, t_s, pose, pose);
+      parts[0].header = header;
+    } else {
+      image = sensor.image(caster, {}, t_s, pose, pose);
+      image.header = header;
+    }
+    const auto begun = std::chrono::steady_clock::now();
+    if (options.sensor == "lidar") {
+      read_scan(parts, config.scan, &scan);
+    } else {
+      read_scan(image, config.scan, config.resolution_m, &scan);
+    }
+    perception.update(scan, {}, header);
+    const std::chrono::duration<double> took = std::chrono::steady_clock::now() - begun;
+    sample->scan_ms.push_back(1e3 * took.count());
+    ++sample->scans;
+
+    const auto predicted = [utime](const Track& track) {
+      return Eigen::Vector3d(track.obstacle.position +
+                             to_seconds(utime - track.obstacle.utime) * track.obstacle.velocity);
+    };
+    for (std::size_t i = 0; i < world.obstacles.size(); ++i) {
+      const auto state = state_at(world.obstacles[i], world, t_s);
+      if (state->velocity != velocities[i]) turned[i] = t_s;
+      velocities[i] = state->velocity;
+      const auto hits = std::ranges::count_if(scan.surfaces, [&](const Eigen::Vector3d& place) {
+        return distance(world.obstacles[i].shape, place - state->position) < 0.08;
+      });
+      const double away_m = distance(world.obstacles[i].shape, pose.position - state->position);
+      if (hits < 10 || away_m < 0.3) {
+        seen_since[i] = -1.0;
+        continue;
+      }
+      if (seen_since[i] < 0.0) seen_since[i] = t_s, usable[i] = false;
+      const Track* nearest = nullptr;
+      double nearest_m = 0.5;
+      for (const Track& track : perception.tracker().tracks()) {
+        const double apart_m = (predicted(track) - state->position).head<2>().norm();
+        if (apart_m < nearest_m) nearest_m = apart_m, nearest = &track;
+      }
+      const double seen_s = t_s - seen_since[i];
+      if (seen_s > 0.4 && away_m < 5.0) {
+        ++sample->due;
+        if (nearest == nullptr) ++sample->missed;
+      }
+      if (nearest == nullptr) continue;
+      const double wrong_mps = (nearest->obstacle.velocity - state->velocity).norm();
+      if (!usable[i] && wrong_mps < 0.3) usable[i] = true, sample->latency_s.push_back(seen_s);
+      if (away_m > 5.0) continue;
+      sample->position_m.push_back(nearest_m);
+      if (seen_s > 0.5 && t_s - turned[i] > 0.5) sample->velocity_mps.push_back(wrong_mps);
+    }
+    for (const Track& track : perception.tracker().tracks()) {
+      if (!moves(track) || (predicted(track) - pose.position).head<2>().norm() > 5.0) continue;
+      const bool is_real = std::ranges::any_of(world.obstacles, [&](const WorldObstacle& obstacle) {
+        return (state_at(obstacle, world, t_s)->position - predicted(track)).head<2>().norm() < 0.6;
+      });
+      if (!is_real) ++sample->false_moving;
+    }
+  }
+}
+
+int run(int argc, char** argv) {
+  Options options;
+  OptionSet set("perception_bench",
+                "Tracks columns that move, from a simulated sensor on a robot that flies a circle.");
+  set.add_positional("sensor", &options.sensor, "lidar or depth");
+  set.add("obstacles", &options.obstacles, 0, 1000, "", "columns");
+  set.add("worlds", &options.worlds, 1, 1000, "", "how many");
+  set.add("duration", &options.duration_s, 1, 1000, "s", "of each flight");
+  set.add("pose-noise-m", &options.noise_m, 0, 1, "m", "error of the sensor's position");
+  set.add("pose-noise-deg", &options.noise_deg, 0, 10, "deg", "and of its direction");
+  set.add("pose-m", &options.pose_m, 0, 1, "m", "what perception takes the one to be");
+  set.add("pose-rad", &options.pose_rad, 0, 1, "rad", "and the other");
+  set.add("acceleration", &options.acceleration_mps2, 0, 10, "m/s^2", "of tracks");
+  set.add("speed", &options.speed_mps, 0, 10, "m/s", "of the columns");
+  set.add("circle", &options.circle_mps, 0, 10, "m/s", "of the robot");
+  set.add("diameter", &options.diameter_m, 0.05, 2, "m", "of the columns");
+  if (set.parse(argc, argv, std::cout) == OptionSet::Parsed::kExit) return 0;
+  Sample sample;
+  for (int i = 0; i < options.worlds; ++i) fly(options, i, &sample);
+  double squares = 0.0;
+  for (const double error : sample.position_m) squares += error * error;
+  const auto three = [](double value) { return fixed(value, 3); };
+  std::cout << "position rms "
+            << three(std::sqrt(squares / std::max<double>(1.0, static_cast<double>(sample.position_m.size()))))
+            << " m; velocity p50 " << three(percentile(sample.velocity_mps, 0.5)) << ", p95 "
+            << three(percentile(sample.velocity_mps, 0.95)) << " m/s; latency p50 "
+            << three(percentile(sample.latency_s, 0.5)) << ", p95 " << three(percentile(sample.latency_s, 0.95))
+            << " s\nmissed " << three(100.0 * sample.missed / std::max(sample.due, 1))
+            << " %; false moving tracks a scan " << three(double(sample.false_moving) / sample.scans) << "; scan p50 "
+            << three(percentile(sample.scan_ms, 0.5)) << ", p99 " << three(percentile(sample.scan_ms, 0.99)) << " ms\n";
+  return 0;
+}
+
+}  // namespace
+}  // namespace swarm
+
+int main(int argc, char** argv) {
+  try {
+    return swarm::run(argc, argv);
+  } catch (const std::exception& error) {
+    std::cerr << "perception_bench: " << error.what() << '\n';
+    return 2;
+  }
+}

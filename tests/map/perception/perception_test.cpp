@@ -1,0 +1,198 @@
+// From scans to obstacles: what stands, what moves and how fast, how high it is, what was seen, and what is a robot.
+#include "map_daemon/perception/perception.h"
+
+#include <gtest/gtest.h>
+
+#include "tests/support/column_scan.h"
+#include "tests/support/start_time.h"
+
+namespace swarm::test {
+namespace {
+
+const Eigen::Vector3d kSensor(0.03, 0.04, 1.05);
+
+// Perception that looks ten times a second.
+class Looking {
+ public:
+  explicit Looking(const PerceptionConfig& config = {}) : perception(config), config_(config) {}
+
+  void look(const std::vector<Column>& columns, const std::vector<PeerMask::Ball>& robots = {},
+            const Eigen::Vector3d& from = kSensor) {
+    utime += 100ms;
+    sogm_swarm::lidar_scan_t scan = column_scan(from, columns);
+    scan.header.utime = to_us(utime);
+    read_scan({scan}, config_.scan, &scan_);
+    perception.update(scan_, robots, scan.header);
+  }
+  // The column, wherever it goes.
+  void follow(Column column, const Eigen::Vector2d& velocity, int scans, const std::vector<Column>& others = {}) {
+    for (int i = 0; i < scans; ++i) {
+      std::vector<Column> all = others;
+      all.push_back(column);
+      look(all);
+      column.center += 0.1 * velocity;
+    }
+  }
+  // The track nearest to a place, within half a metre.
+  const Track* track_at(const Eigen::Vector2d& place) const {
+    const Track* nearest = nullptr;
+    double best_m = 0.5;
+    for (const Track& track : perception.tracker().tracks()) {
+      const double away_m = (track.obstacle.position.head<2>() - place).norm();
+      if (away_m < best_m) best_m = away_m, nearest = &track;
+    }
+    return nearest;
+  }
+  // Anything within a voxel of the place; nothing: beams are further apart than voxels.
+  bool stands(const Eigen::Vector3d& place) const { return count(0, place) > 0; }
+  bool was_not_seen(const Eigen::Vector3d& place) const { return count(1, place) == 27; }
+
+  Perception perception;
+  Utime utime = kStart;
+
+ private:
+  int count(int frame, const Eigen::Vector3d& place) const {
+    const Sogm& seen = perception.seen_space();
+    const Eigen::Vector3i middle = seen.geometry.voxel_of(place);
+    int set = 0;
+    for (int x = -1; x <= 1; ++x)
+      for (int y = -1; y <= 1; ++y)
+        for (int z = -1; z <= 1; ++z) set += seen.occupied(frame, middle + Eigen::Vector3i(x, y, z)) ? 1 : 0;
+    return set;
+  }
+
+  PerceptionConfig config_;
+  RangeScan scan_;
+};
+
+TEST(Perception, FindsColumnsWhereTheyAreAndHowThick) {
+  Looking looking;
+  const std::vector<Column> columns = {{{2, 1}, 0.3}, {{-1.5, 3}, 0.15}, {{3, -3}, 0.5}};
+  for (int i = 0; i < 5; ++i) looking.look(columns);
+  ASSERT_EQ(looking.perception.tracker().tracks().size(), columns.size());
+  for (const Column& column : columns) {
+    SCOPED_TRACE(column.center.transpose());
+    const Track* track = looking.track_at(column.center);
+    ASSERT_NE(track, nullptr);
+    EXPECT_LT((track->obstacle.position.head<2>() - column.center).norm(), 0.03);
+    EXPECT_NEAR(track->obstacle.shape.size.x(), 2.0 * column.radius_m, 0.06);
+    EXPECT_NEAR(track->obstacle.position.z() + track->obstacle.shape.size.y() / 2, column.top_m, 0.2);
+    EXPECT_FALSE(moves(*track));
+    const Eigen::Vector2d front = column.center * (1.0 - column.radius_m / column.center.norm());
+    EXPECT_TRUE(looking.stands({front.x(), front.y(), 1.0}));
+  }
+}
+
+TEST(Perception, KnowsWithinHalfASecondHowFastAColumnMoves) {
+  for (const Eigen::Vector2d& velocity : {Eigen::Vector2d(0, 1), Eigen::Vector2d(-0.7, 0.2), Eigen::Vector2d(0.6, 0)}) {
+    SCOPED_TRACE(velocity.transpose());
+    Looking looking;
+    looking.follow({{2.5, -1}, 0.25}, velocity, 6);
+    const Eigen::Vector2d place = Eigen::Vector2d(2.5, -1) + 0.5 * velocity;
+    const Track* track = looking.track_at(place);
+    ASSERT_NE(track, nullptr);
+    EXPECT_LT((track->obstacle.velocity.head<2>() - velocity).norm(), 0.1);
+    EXPECT_TRUE(moves(*track));
+    // Its track draws it, also where it was seen a moment ago.
+    EXPECT_FALSE(looking.stands({place.x() - 0.25, place.y(), 1.0}));
+  }
+}
+
+TEST(Perception, TellsColumnsApartThatTouch) {
+  Looking looking;
+  looking.follow({{2.5, -1.5}, 0.3}, {0, 1.0}, 16, {{{2.5, 0.6}, 0.3}});  // ends 1 cm into the one that stands
+  const Track* moving = looking.track_at({2.5, 0.0});
+  const Track* standing = looking.track_at({2.5, 0.6});
+  ASSERT_NE(moving, nullptr);
+  ASSERT_NE(standing, nullptr);
+  EXPECT_NE(moving->id, standing->id);
+  EXPECT_NEAR(moving->obstacle.velocity.y(), 1.0, 0.15);
+  EXPECT_LT(standing->obstacle.velocity.norm(), 0.15);
+}
+
+TEST(Perception, FindsColumnsThatWereNeverSeenApart) {
+  Looking looking;
+  const std::vector<Column> columns = {{{2.5, -0.9}, 0.45}, {{2.4, 0.0}, 0.45}, {{2.6, 0.9}, 0.45}};
+  for (int i = 0; i < 3; ++i) looking.look(columns);
+  for (const Column& column : columns) {
+    const Track* track = looking.track_at(column.center);
+    ASSERT_NE(track, nullptr) << column.center.transpose();
+    EXPECT_LT((track->obstacle.position.head<2>() - column.center).norm(), 0.1) << column.center.transpose();
+  }
+}
+
+TEST(Perception, WhatIsNotSeenToEndMayGoOn) {
+  Looking looking;
+  for (int i = 0; i < 3; ++i) looking.look({{{1.5, 0}, 0.3, -5.0, 9.0}});  // out of sight above and below
+  const Track* track = looking.track_at({1.5, 0});
+  ASSERT_NE(track, nullptr);
+  const GridGeometry& window = looking.perception.grid().geometry();
+  const double top_m = track->obstacle.position.z() + track->obstacle.shape.size.y() / 2;
+  EXPECT_NEAR(top_m, window.resolution_m * (window.origin.z() + window.size.z()), 1e-6);
+  EXPECT_NEAR(top_m - track->obstacle.shape.size.y(), window.resolution_m * window.origin.z(), 1e-6);
+}
+
+TEST(Perception, AWallStandsAndIsNoTrack) {
+  Looking looking;
+  std::vector<Column> wall;  // of thin posts side by side
+  for (double y = -3.0; y <= 3.0; y += 0.03) wall.push_back({{2.0, y}, 0.02});
+  for (int i = 0; i < 15; ++i) looking.look(wall);
+  EXPECT_TRUE(looking.stands({2.0, 0.0, 1.0}));
+  for (const Track& track : looking.perception.tracker().tracks()) EXPECT_FALSE(moves(track));
+}
+
+TEST(Perception, SomebodyWhoComesOutOfAWallIsTracked) {
+  Looking looking;
+  std::vector<Column> wall;
+  for (double y = -3.0; y <= 3.0; y += 0.03) wall.push_back({{3.0, y}, 0.02});
+  for (int i = 0; i < 15; ++i) looking.look(wall);
+  looking.follow({{3.0, 0.5}, 0.25}, {-0.8, 0}, 12, wall);
+  const Track* track = looking.track_at({3.0 - 0.8 * 1.1, 0.5});
+  ASSERT_NE(track, nullptr);
+  EXPECT_NEAR(track->obstacle.velocity.x(), -0.8, 0.15);
+}
+
+TEST(Perception, RobotsAreNoObstacles) {
+  Looking looking;
+  const Column robot{{2.0, 0.0}, 0.2, 0.8, 1.2};
+  for (int i = 0; i < 3; ++i) looking.look({robot}, {{{2.0, 0.0, 1.0}, 0.35}});
+  EXPECT_GT(looking.perception.masked(), 0);
+  EXPECT_TRUE(looking.perception.tracker().tracks().empty());
+  EXPECT_FALSE(looking.stands({1.8, 0.0, 1.0}));
+  for (int i = 0; i < 3; ++i) looking.look({robot});  // nobody says that it is one
+  EXPECT_EQ(looking.perception.masked(), 0);
+  EXPECT_NE(looking.track_at({2.0, 0.0}), nullptr);
+}
+
+TEST(Perception, WhatWasNotSeenIsUnknown) {
+  Looking looking;
+  looking.look({{{2, 0}, 0.4, -5.0, 9.0}});
+  EXPECT_FALSE(looking.was_not_seen({1.0, 0.0, 1.05}));  // before it
+  EXPECT_FALSE(looking.was_not_seen({1.6, 0.0, 1.05}));  // its surface
+  EXPECT_TRUE(looking.was_not_seen({3.5, 0.0, 1.05}));   // behind
+  EXPECT_TRUE(looking.was_not_seen({0.2, 0.0, 2.5}));    // above the beams
+  EXPECT_FALSE(looking.was_not_seen({-3.0, 1.0, 1.05}));
+}
+
+TEST(Perception, ForgetsAllWhenItIsLost) {
+  Looking looking;
+  for (int i = 0; i < 3; ++i) looking.look({{{2, 0}, 0.4}});
+  looking.perception.forget();
+  EXPECT_TRUE(looking.perception.tracker().tracks().empty());
+  looking.look({});
+  EXPECT_FALSE(looking.stands({1.6, 0.0, 1.0}));
+}
+
+// The same scans give the same messages.
+TEST(Perception, IsDeterministic) {
+  Looking first, second;
+  for (Looking* looking : {&first, &second}) looking->follow({{2.5, -1}, 0.25}, {0, 0.6}, 12, {{{2.6, 0.3}, 0.4}});
+  EXPECT_EQ(first.perception.seen_space().words, second.perception.seen_space().words);
+  std::vector<std::uint8_t> one, other;
+  encode(first.perception.report(), &one);
+  encode(second.perception.report(), &other);
+  EXPECT_EQ(one, other);
+}
+
+}  // namespace
+}  // namespace swarm::test
