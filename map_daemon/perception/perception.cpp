@@ -20,6 +20,9 @@ constexpr double kWellKnown = 40.0;              // points that measured a radiu
 constexpr double kBeside_m = 0.15;               // what is so far from a circle is something else
 constexpr int kMaxRounds = 6;                    // columns that are found in one cluster
 constexpr double kSlow_mps = 0.1, kClear = 2.0;  // below, or within so many standard deviations, it stands
+constexpr double kCut_m = 0.1;                   // standard deviation of where something is whose side is not seen
+constexpr double kUsualRadius_m = 0.25, kUsualWeight = 20.0;  // then it is taken to be about so thick
+constexpr double kCutWeight = 4.0;                            // and what is known then of its radius
 constexpr double kMostGate_m = 0.5;
 constexpr double kTile_m = 0.8;        // what is not round and moved is taken in pieces of this size
 constexpr double kShapeless_m = 0.08;  // standard deviation of where the middle of such a piece is
@@ -127,9 +130,10 @@ void Perception::divide(const Cluster& cluster, const RangeScan& scan) {
 
 bool Perception::fit_track(const Expected& track, const RangeScan& scan, Piece* piece, std::vector<int>* left) {
   if (piece->points.size() < kLeastPoints) return false;
+  piece->is_cut = is_cut(piece->points, scan);
   const double noise_m = scan.noise_at((track.center - scan.origin.head<2>()).norm());
-  const RoundFit fit =
-      fit_round(seen_from_above(piece->points), scan.origin.head<2>(), track.form->radius, track.center, noise_m);
+  const RoundFit fit = fit_round(seen_from_above(piece->points), scan.origin.head<2>(),
+                                 prior_of(track.form->radius, piece->is_cut), track.center, noise_m);
   const double share = static_cast<double>(fit.on_circle) / static_cast<double>(from_above_.size());
   piece->is_round = fit.converged && fit.rms_m <= kRound_rms * noise_m && fit.radius.radius_m <= kMaxRadius_m &&
                     (fit.center - track.center).norm() <= 2.0 * track.gate_m &&
@@ -157,6 +161,10 @@ bool Perception::fit_track(const Expected& track, const RangeScan& scan, Piece* 
 
 void Perception::add_new_pieces(const Cluster& cluster, const RangeScan& scan, std::vector<int> points) {
   if (points.size() < kLeastPoints) return;
+  const bool is_near = std::ranges::any_of(points, [&](int point) {
+    return (surfaces_[static_cast<std::size_t>(point)] - scan.origin).norm() <= scan.range_m;
+  });
+  if (!is_near) return;
   Piece whole{.id = kNew, .points = std::move(points), .cluster = &cluster};
   if (fit_new(scan, &whole)) return pieces_.push_back(std::move(whole));
   add_rounds(cluster, scan, &whole.points);
@@ -216,7 +224,8 @@ void Perception::add_tiles(const Cluster& cluster, const std::vector<int>& point
 bool Perception::fit_new(const RangeScan& scan, Piece* piece) {
   const std::span<const Eigen::Vector2d> places = seen_from_above(piece->points);
   const double noise_m = scan.noise_at((places[0] - scan.origin.head<2>()).norm());
-  const RoundFit fit = fit_round(places, scan.origin.head<2>(), {}, {}, noise_m);
+  piece->is_cut = is_cut(piece->points, scan);
+  const RoundFit fit = fit_round(places, scan.origin.head<2>(), prior_of({}, piece->is_cut), {}, noise_m);
   const double share = static_cast<double>(fit.on_circle) / static_cast<double>(from_above_.size());
   piece->is_round = fit.rms_m <= kRound_rms * noise_m && fit.radius.radius_m <= kMaxRadius_m && share >= kRoundShare;
   piece->center = fit.center;
@@ -246,10 +255,38 @@ std::span<const Eigen::Vector2d> Perception::seen_from_above(const std::vector<i
   return from_above_;
 }
 
+bool Perception::is_cut(const std::vector<int>& points, const RangeScan& scan) const {
+  const auto place = [this](int point) -> const Eigen::Vector3d& { return surfaces_[static_cast<std::size_t>(point)]; };
+  const Eigen::Vector2d ahead = (place(points[points.size() / 2]) - scan.origin).head<2>().normalized();
+  const Eigen::Vector2d aside(-ahead.y(), ahead.x());
+  const auto [right, left] = std::ranges::minmax(
+      points, {}, [&](int point) { return aside.dot(place(point).head<2>() - scan.origin.head<2>()); });
+  const GridGeometry& window = grid_.geometry();
+  const auto is_free = [&](const Eigen::Vector3d& beside) {
+    const Eigen::Vector3i voxel = window.voxel_of(beside);
+    if (!window.contains(voxel)) return false;
+    const std::uint64_t around = std::uint64_t{0x1f} << std::max(voxel.z() - 2, 0);
+    return (grid_.free(grid_.column_of(voxel.x(), voxel.y())) & around) != 0;
+  };
+  const Eigen::Vector3d step(kAround_m * aside.x(), kAround_m * aside.y(), 0.0);
+  return !is_free(place(left) + step) || !is_free(place(right) - step);
+}
+
+RadiusPrior Perception::prior_of(const RadiusPrior& known, bool cut) {
+  if (known.weight > kCutWeight) return known;
+  return cut ? RadiusPrior{kUsualRadius_m, kUsualWeight} : RadiusPrior{};
+}
+
 void Perception::report_piece(const Piece& piece, const RangeScan& scan) {
   Form form = piece.id == kNew ? Form{} : forms_[piece.id];
+  double sigma_m = piece.sigma_m;
+  const bool is_unsure = piece.is_cut && form.radius.weight <= kCutWeight;
+  if (is_unsure) sigma_m = std::max(sigma_m, kCut_m);
+
   form.is_round = piece.is_round;
   form.radius = piece.radius;
+  if (is_unsure) form.radius.weight = std::min(form.radius.weight, kCutWeight);
+
   double top_m = -1e9, bottom_m = 1e9;
   for (const int point : piece.points) {
     top_m = std::max(top_m, surfaces_[static_cast<std::size_t>(point)].z());
@@ -275,8 +312,8 @@ void Perception::report_piece(const Piece& piece, const RangeScan& scan) {
   obstacle.shape = obstacle_t::kColumn;
   Eigen::Map<Eigen::Vector3d>(obstacle.position) << piece.center, 0.5 * (top_m + bottom_m);
   obstacle.size[0] = 2.0 * form.radius.radius_m, obstacle.size[1] = top_m - bottom_m;
-  obstacle.position_sigma = static_cast<float>(
-      std::sqrt(piece.sigma_m * piece.sigma_m + config_.pose_m * config_.pose_m + turned_m * turned_m));
+  obstacle.position_sigma =
+      static_cast<float>(std::sqrt(sigma_m * sigma_m + config_.pose_m * config_.pose_m + turned_m * turned_m));
   obstacle.velocity_sigma = -1.0f;
   forms_[obstacle.id] = form;
   report_.obstacles.push_back(obstacle);

@@ -72,6 +72,7 @@ class Perception {
     double sigma_m = 0.0;                              // of it
     RadiusPrior radius{};
     bool is_round = false;
+    bool is_cut = false;  // nothing was seen beside one of its sides
   };
 
   void look(const RangeScan& scan, std::span<const PeerMask::Ball> robots);
@@ -84,6 +85,9 @@ class Perception {
   void add_rounds(const Cluster& cluster, const RangeScan& scan, std::vector<int>* points);
   void take_round(const RoundFit& fit, std::vector<int>* points, Piece* piece);
   void add_tiles(const Cluster& cluster, const std::vector<int>& points);
+  // Whether nothing was seen beside one side of these points: they may go on there.
+  bool is_cut(const std::vector<int>& points, const RangeScan& scan) const;
+  static RadiusPrior prior_of(const RadiusPrior& known, bool cut);
   bool fit_new(const RangeScan& scan, Piece* piece);
   void surround(Piece* piece);
   void report_piece(const Piece& piece, const RangeScan& scan);

@@ -21,7 +21,9 @@ constexpr double kLeastMeasured = 0.02;  // of its rays; a scan of less is blind
 void declare(OptionSet& options, PerceptionNodeConfig& config) {
   PerceptionConfig& perception = config.perception;
   options.add("robot-id", &config.robot_id, 0, 32767, "", "this robot");
-  options.add("range", &perception.scan.range_m, 1, 6.3, "m", "what is further away is not looked at");
+  options.add("lidar-range", &perception.scan.lidar_range_m, 1, 6.3, "m",
+              "what is further from a LiDAR is not looked at");
+  options.add("depth-range", &perception.scan.depth_range_m, 1, 6.3, "m", "nor what is further from a camera");
   options.add("least-range", &perception.scan.least_range_m, 0, 5, "m", "what is nearer is the robot itself");
   options.add("memory", &perception.memory_s, 0.2, 60, "s", "what was not seen for so long is unknown");
   options.add("lidar-noise", &perception.scan.lidar_noise_m, 0.001, 1, "m", "standard deviation of a LiDAR's ranges");
@@ -44,9 +46,10 @@ void declare(OptionSet& options, PerceptionNodeConfig& config) {
 
 void verify(const PerceptionNodeConfig& config) {
   const ScanConfig& scan = config.perception.scan;
-  if (scan.least_range_m < scan.range_m) return;
-  throw OptionError("least-range: " + text_of(scan.least_range_m) + " m; must be below --range " +
-                    text_of(scan.range_m) + " m");
+  const double range_m = std::min(scan.lidar_range_m, scan.depth_range_m);
+  if (scan.least_range_m < range_m) return;
+  throw OptionError("least-range: " + text_of(scan.least_range_m) +
+                    " m; must be below --lidar-range and --depth-range, " + text_of(range_m) + " m");
 }
 
 PerceptionNode::PerceptionNode(const PerceptionNodeConfig& config, std::int32_t boot, Stopwatch stopwatch,
@@ -108,7 +111,7 @@ Refusal PerceptionNode::on_scan(Utime now, std::span<const std::uint8_t> bytes) 
   const ScanAssembler::Result result = sensor.scans.add(part);
   if (result == ScanAssembler::Result::kRefused) return Refusal::kSequence;
   if (result == ScanAssembler::Result::kIncomplete) return Refusal::kNone;
-  read_scan(sensor.scans.parts(), config_.perception.scan, &sensor.scan);
+  read_scan(sensor.scans.parts(), config_.perception.scan, config_.perception.resolution_m, &sensor.scan);
   return take(&sensor);
 }
 

@@ -52,8 +52,8 @@ struct RayEnd {
   double free_m;
   bool is_surface;
 };
-RayEnd end_of(double distance_m, const ScanConfig& config) {
-  return distance_m > config.range_m ? RayEnd{config.range_m, false} : RayEnd{distance_m, true};
+RayEnd end_of(double distance_m, double range_m) {
+  return {std::min(distance_m, range_m), distance_m <= range_m + RangeScan::kBeyond_m};
 }
 
 }  // namespace
@@ -71,6 +71,7 @@ void read_scan(const depth_image_t& image, const ScanConfig& config, double reso
   const Eigen::Matrix3d to_world = rotation(image.orientation);
   const Depths depths(image);
   scan->rays = image.num_pixels;
+  scan->range_m = config.depth_range_m;
   scan->noise_m = config.depth_noise_m;
   scan->noise_per_m = config.depth_noise_per_m;
   // Two pixels are a voxel apart at this depth.
@@ -93,12 +94,13 @@ void read_scan(const depth_image_t& image, const ScanConfig& config, double reso
         const Eigen::Vector3d ahead = direction(px, py);
         const double length = ahead.norm(), distance_m = depth_m * length;
         if (distance_m < config.least_range_m) continue;
-        const RayEnd end = end_of(distance_m, config);
+        const RayEnd end = end_of(distance_m, config.depth_range_m);
         const double free_depth_m = end.free_m / length;
         shared_m = std::min(shared_m, free_depth_m);
         if (depths.is_on_edge(px, py)) continue;
         if (end.is_surface) scan->surfaces.push_back(scan->origin + depth_m * ahead);
-        if (free_depth_m > block_m)
+        const bool is_told_beside = (i == 1 || i == 2) && px + 1 < depths.width();  // by the two on the diagonal
+        if (free_depth_m > block_m && !is_told_beside)
           scan->free.push_back({scan->origin + block_m * ahead, scan->origin + free_depth_m * ahead});
       }
       if (seen > 0) scan->free.push_back({scan->origin, scan->origin + shared_m * direction(x + 0.5, y + 0.5)});
@@ -120,13 +122,18 @@ ScanAssembler::Result ScanAssembler::add(const lidar_scan_t& part) {
   return std::ranges::all_of(have_, [](char have) { return have != 0; }) ? Result::kComplete : Result::kIncomplete;
 }
 
-void read_scan(const std::vector<lidar_scan_t>& parts, const ScanConfig& config, RangeScan* scan) {
+void read_scan(const std::vector<lidar_scan_t>& parts, const ScanConfig& config, double resolution_m, RangeScan* scan) {
   scan->clear();
   scan->utime = to_utime(parts[0].header.utime);
   scan->origin = Eigen::Vector3d(parts[0].position);
+  scan->range_m = config.lidar_range_m;
   scan->noise_m = config.lidar_noise_m;
   scan->noise_per_m = 0.0;
   const Eigen::Matrix3d to_world = kPointUnit_m * rotation(parts[0].orientation);
+  // A ray that is within half a voxel of the one that last told what is free tells nothing new.
+  const double beside = 0.5 * resolution_m / config.lidar_range_m, told_cosine = 1.0 - 0.5 * beside * beside;
+  Eigen::Vector3d told = Eigen::Vector3d::Zero();
+  double told_m = 0.0;
   for (const lidar_scan_t& part : parts) {
     for (std::size_t i = 0; i + 2 < part.coordinates.size(); i += 3) {
       ++scan->rays;
@@ -136,9 +143,13 @@ void read_scan(const std::vector<lidar_scan_t>& parts, const ScanConfig& config,
       if (distance_m == 0.0) continue;
       ++scan->measured;
       if (distance_m < config.least_range_m) continue;
-      const RayEnd end = end_of(distance_m, config);
+      const RayEnd end = end_of(distance_m, config.lidar_range_m);
       if (end.is_surface) scan->surfaces.push_back(scan->origin + way);
-      scan->free.push_back({scan->origin, scan->origin + end.free_m / distance_m * way});
+      const Eigen::Vector3d ahead = way / distance_m;
+      if (ahead.dot(told) > told_cosine && end.free_m < told_m + 2.0 * resolution_m) continue;
+      told = ahead;
+      told_m = end.free_m;
+      scan->free.push_back({scan->origin, scan->origin + end.free_m * ahead});
     }
   }
 }

@@ -12,7 +12,7 @@
 namespace swarm {
 
 struct ScanConfig {
-  double range_m = 6.0;                                    // what is further away is not looked at
+  double lidar_range_m = 6.0, depth_range_m = 5.0;         // what is further away is not looked at
   double least_range_m = 0.25;                             // and what is nearer is the robot itself
   double lidar_noise_m = 0.02;                             // standard deviations of ranges
   double depth_noise_m = 0.01, depth_noise_per_m = 0.002;  // the second times the square of the depth
@@ -23,7 +23,11 @@ struct RangeScan {
     Eigen::Vector3d from, to;  // W [m]
   };
 
+  // Surfaces are told so much beyond the range, so that of what begins within it the whole side is seen.
+  static constexpr double kBeyond_m = 0.4;
+
   Utime utime{};
+  double range_m = 0.0;                              // within which all that its rays met is told
   Eigen::Vector3d origin = Eigen::Vector3d::Zero();  // of the rays, W [m]
   std::vector<Eigen::Vector3d> surfaces;             // where rays ended, W [m]
   std::vector<Ray> free;                             // what they passed
@@ -36,7 +40,7 @@ struct RangeScan {
 };
 
 // Into `scan` (its memory is reused). Pixels that lie on the edge between two things, at a depth that neither has, are
-// left out: they are where nothing is. Where several pixels pass the same voxels, one of them tells that these are
+// left out: they are where nothing is. Where several rays pass the same voxels, one of them tells that these are
 // free.
 void read_scan(const sogm_swarm::depth_image_t& image, const ScanConfig& config, double resolution_m, RangeScan* scan);
 
@@ -55,6 +59,7 @@ class ScanAssembler {
   std::vector<char> have_;
 };
 
-void read_scan(const std::vector<sogm_swarm::lidar_scan_t>& parts, const ScanConfig& config, RangeScan* scan);
+void read_scan(const std::vector<sogm_swarm::lidar_scan_t>& parts, const ScanConfig& config, double resolution_m,
+               RangeScan* scan);
 
 }  // namespace swarm

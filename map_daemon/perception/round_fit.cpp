@@ -12,8 +12,9 @@ namespace {
 
 constexpr int kIterations = 10;
 constexpr double kStep_m = 0.3;  // at most, in an iteration
-constexpr double kConverged_m = 1e-4;
-constexpr double kUnknownWeight = 1.0;  // of half the width that is seen, where nothing is known of the radius
+constexpr double kConverged_m = 1e-3;
+constexpr double kUnknownWeight = 3.0;  // of half the width that is seen, where nothing is known of the radius
+constexpr double kMostHalf = 0.9;       // sine of half of the angle that a circle covers, at most
 constexpr double kLeastRadius_m = 0.02;
 constexpr double kMaxWeight = 400.0;  // a radius stays correctable
 constexpr double kTrust = 2.0;        // times the noise: points twice as far off count a fifth
@@ -30,19 +31,23 @@ RoundFit fit_round(std::span<const Eigen::Vector2d> points, const Eigen::Vector2
   const Eigen::Vector2d way = middle - sensor;
   const Eigen::Vector2d ahead = way.norm() > 1e-6 ? Eigen::Vector2d(way.normalized()) : Eigen::Vector2d(1.0, 0.0);
   const Eigen::Vector2d aside(-ahead.y(), ahead.x());
-  double low = 0.0, high = 0.0;
+  double low = 0.0, high = 0.0;  // sines of angles from the middle, as the sensor sees them
+  double near_m = way.norm();
   for (const Eigen::Vector2d& point : points) {
-    const double side = aside.dot(point - middle);
-    low = std::min(low, side);
-    high = std::max(high, side);
+    const double distance = std::max((point - sensor).norm(), 1e-6), sine = aside.dot(point - sensor) / distance;
+    low = std::min(low, sine);
+    high = std::max(high, sine);
+    near_m = std::min(near_m, distance);
   }
-  const double half_width = std::max(0.5 * (high - low), kLeastRadius_m);
+  // A circle whose near side is at `near_m` covers as much.
+  const double half = std::min(0.5 * (high - low), kMostHalf);
+  const double half_width = std::max(near_m * half / (1.0 - half), kLeastRadius_m);
   const double expected_m = prior.weight > 0.0 ? prior.radius_m : half_width;
   const double weight = std::max(prior.weight, kUnknownWeight);
   double radius = expected_m;
   // The middle of the near half of a circle is two thirds of the radius nearer than its centre.
   Eigen::Vector2d center =
-      begin ? *begin : Eigen::Vector2d(middle + 0.64 * radius * ahead + 0.5 * (low + high) * aside);
+      begin ? *begin : Eigen::Vector2d(middle + 0.64 * radius * ahead + 0.5 * (low + high) * near_m * aside);
 
   Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
   for (int iteration = 0; iteration < kIterations && !fit.converged; ++iteration) {

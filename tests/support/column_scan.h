@@ -16,17 +16,17 @@ struct Column {
   double bottom_m = 0.0, top_m = 1.8;
 };
 
-// One part, from a sensor at `origin` that is not turned: 32 beams between +-40 degrees, 360 around. What meets nothing
+// One part, from a sensor at `origin` that is not turned: 18 beams within 29 degrees of the horizontal, 540 around. What meets nothing
 // is told as 20 m away. Without header.
 inline sogm_swarm::lidar_scan_t column_scan(const Eigen::Vector3d& origin, const std::vector<Column>& columns) {
   sogm_swarm::lidar_scan_t scan{};
   Eigen::Map<Eigen::Vector3d>(scan.position) = origin;
   scan.orientation[0] = 1.0;
   scan.num_parts = 1;
-  for (int beam = 0; beam < 26; ++beam) {
-    const double up = -0.7 + beam * 0.056;
-    for (int i = 0; i < 360; ++i) {
-      const double around = 2.0 * std::numbers::pi * i / 360;
+  for (int beam = 0; beam < 18; ++beam) {
+    const double up = -0.5 + beam * 0.056;
+    for (int i = 0; i < 540; ++i) {
+      const double around = 2.0 * std::numbers::pi * i / 540;
       const Eigen::Vector2d way(std::cos(around), std::sin(around));  // along the ground
       double ground_m = 20.0 * std::cos(up);
       for (const Column& column : columns) {

@@ -66,7 +66,7 @@ TEST(PerceptionNode, EachScanBecomesAReportAndWhatWasSeen) {
   EXPECT_EQ(node.reports(), 3);
   const auto report = node.out.newest<obstacles_t>(channel::kObstacles);
   ASSERT_EQ(report.num_obstacles, 1);
-  EXPECT_NEAR(report.obstacles[0].position[0], 2.0, 0.03);
+  EXPECT_NEAR(report.obstacles[0].position[0], 2.0, 0.04);
   EXPECT_EQ(report.obstacles[0].velocity_sigma, -1.0f);
   EXPECT_EQ(report.complete, 0);
   Sogm seen;
@@ -199,7 +199,7 @@ TEST(PerceptionNode, ClocksMayBeSet) {
 
 TEST(PerceptionNode, OptionsThatContradictEachOtherAreRefused) {
   PerceptionNodeConfig config = Perceiving::own();
-  config.perception.scan.range_m = 2.0;
+  config.perception.scan.depth_range_m = 2.0;
   config.perception.scan.least_range_m = 2.0;
   EXPECT_THROW(verify(config), OptionError);
 }

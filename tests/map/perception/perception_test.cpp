@@ -21,7 +21,7 @@ class Looking {
     utime += 100ms;
     sogm_swarm::lidar_scan_t scan = column_scan(from, columns);
     scan.header.utime = to_us(utime);
-    read_scan({scan}, config_.scan, &scan_);
+    read_scan({scan}, config_.scan, config_.resolution_m, &scan_);
     perception.update(scan_, robots, scan.header);
   }
   // The column, wherever it goes.
@@ -74,8 +74,8 @@ TEST(Perception, FindsColumnsWhereTheyAreAndHowThick) {
     SCOPED_TRACE(column.center.transpose());
     const Track* track = looking.track_at(column.center);
     ASSERT_NE(track, nullptr);
-    EXPECT_LT((track->obstacle.position.head<2>() - column.center).norm(), 0.03);
-    EXPECT_NEAR(track->obstacle.shape.size.x(), 2.0 * column.radius_m, 0.06);
+    EXPECT_LT((track->obstacle.position.head<2>() - column.center).norm(), 0.05);
+    EXPECT_NEAR(track->obstacle.shape.size.x(), 2.0 * column.radius_m, 0.08);
     EXPECT_NEAR(track->obstacle.position.z() + track->obstacle.shape.size.y() / 2, column.top_m, 0.2);
     EXPECT_FALSE(moves(*track));
     const Eigen::Vector2d front = column.center * (1.0 - column.radius_m / column.center.norm());
