@@ -263,7 +263,7 @@ void write_commits(const Corpora& corpora, const std::string& name, std::uint64_
 void write_random(const Corpora& corpora) {
   std::mt19937 random(1);
   for (const char* target :
-       {"map_node", "perception_node", "broadcast_node", "planner_node", "bridge_node", "sogm", "mocap"}) {
+       {"map_node", "broadcast_node", "planner_node", "bridge_node", "sogm", "mocap", "perception_node"}) {
     for (int number = 0; number < 4; ++number) {
       Seed seed;
       for (int i = 0; i < 150 * (number + 1); ++i) seed.byte(random() % 256);

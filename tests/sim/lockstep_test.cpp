@@ -124,6 +124,7 @@ TEST(Lockstep, RobotsFlyByWhatTheirSensorsSee) {
     world.sensor.pose_noise_deg = 0.3;
     FlightOptions options;
     if (world.sensor.kind == "depth") options.time_limit_s = 2.0;
+    if (kSanitized) options.time_limit_s = 0.5;
     const Flight flight(world, options);
     const Outcome expected = options.time_limit_s < 60.0 ? Outcome::kTimeout : Outcome::kSuccess;
     EXPECT_EQ(flight.report.outcome, expected) << summary_table(flight.report);
