@@ -158,6 +158,7 @@ void FreeSpaceGrid::learn(std::uint64_t free, std::uint64_t surfaces, std::uint6
 }
 
 void FreeSpaceGrid::finish(Utime utime) {
+  forget_old(utime);
   // Surfaces err by a part of a voxel: what is beside them is not free for certain.
   for (const int column : surface_columns_) {
     const std::uint64_t word = surfaces_[static_cast<std::size_t>(column)];
@@ -172,14 +173,15 @@ void FreeSpaceGrid::finish(Utime utime) {
     free_[i] = surfaces_[i] = moving_[i] = 0;
   }
   surface_columns_.clear();
-  forget_old(utime);
 }
 
 void FreeSpaceGrid::forget_old(Utime utime) {
   const auto is_over = [utime](Utime since, Duration stretch) { return utime < since || utime >= since + stretch; };
   if (is_over(seen_since_, memory_ / 2)) {
+    const bool all = utime >= seen_since_ + 3 * (memory_ / 2);  // without a scan all the time
     seen_since_ = utime;
     for (Column& column : columns_) {
+      if (all) column.seen_lately = {};
       std::rotate(column.seen_lately.begin(), column.seen_lately.end() - 1, column.seen_lately.end());
       column.seen_lately[0] = 0;
     }

@@ -32,6 +32,8 @@ class FreeSpaceGrid {
   // A surface of what moves: it is not kept as occupied.
   void mark_moving(const Eigen::Vector3d& place);
   void finish(Utime utime);
+  // The clock was set by `step`.
+  void shift(Duration step) { seen_since_ += step, lasting_since_ += step; }
 
   // The window; columns are numbered by column_of(), bit k of a word is voxel k of the window along z.
   const GridGeometry& geometry() const { return geometry_; }

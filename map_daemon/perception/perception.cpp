@@ -133,7 +133,7 @@ bool Perception::fit_track(const Expected& track, const RangeScan& scan, Piece* 
   piece->is_cut = is_cut(piece->points, scan);
   const double noise_m = scan.noise_at((track.center - scan.origin.head<2>()).norm());
   const RoundFit fit = fit_round(seen_from_above(piece->points), scan.origin.head<2>(),
-                                 prior_of(track.form->radius, piece->is_cut), track.center, noise_m);
+                                 prior_of(track.form->radius, piece->is_cut), noise_m);
   const double share = static_cast<double>(fit.on_circle) / static_cast<double>(from_above_.size());
   piece->is_round = fit.converged && fit.rms_m <= kRound_rms * noise_m && fit.radius.radius_m <= kMaxRadius_m &&
                     (fit.center - track.center).norm() <= 2.0 * track.gate_m &&
@@ -225,7 +225,7 @@ bool Perception::fit_new(const RangeScan& scan, Piece* piece) {
   const std::span<const Eigen::Vector2d> places = seen_from_above(piece->points);
   const double noise_m = scan.noise_at((places[0] - scan.origin.head<2>()).norm());
   piece->is_cut = is_cut(piece->points, scan);
-  const RoundFit fit = fit_round(places, scan.origin.head<2>(), prior_of({}, piece->is_cut), {}, noise_m);
+  const RoundFit fit = fit_round(places, scan.origin.head<2>(), prior_of({}, piece->is_cut), noise_m);
   const double share = static_cast<double>(fit.on_circle) / static_cast<double>(from_above_.size());
   piece->is_round = fit.rms_m <= kRound_rms * noise_m && fit.radius.radius_m <= kMaxRadius_m && share >= kRoundShare;
   piece->center = fit.center;

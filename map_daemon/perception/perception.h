@@ -47,7 +47,7 @@ class Perception {
   // Where the sensors were is not known any more.
   void forget();
   // The clock was set by `step`.
-  void shift(Duration step) { tracker_.shift(step); }
+  void shift(Duration step) { grid_.shift(step), tracker_.shift(step); }
 
  private:
   // What a track's shape was found to be.

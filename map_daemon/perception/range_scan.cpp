@@ -93,7 +93,10 @@ void read_scan(const depth_image_t& image, const ScanConfig& config, double reso
         ++seen;
         const Eigen::Vector3d ahead = direction(px, py);
         const double length = ahead.norm(), distance_m = depth_m * length;
-        if (distance_m < config.least_range_m) continue;
+        if (distance_m < config.least_range_m) {  // and hides what is behind
+          shared_m = 0.0;
+          continue;
+        }
         const RayEnd end = end_of(distance_m, config.depth_range_m);
         const double free_depth_m = end.free_m / length;
         shared_m = std::min(shared_m, free_depth_m);
@@ -103,7 +106,8 @@ void read_scan(const depth_image_t& image, const ScanConfig& config, double reso
         if (free_depth_m > block_m && !is_told_beside)
           scan->free.push_back({scan->origin + block_m * ahead, scan->origin + free_depth_m * ahead});
       }
-      if (seen > 0) scan->free.push_back({scan->origin, scan->origin + shared_m * direction(x + 0.5, y + 0.5)});
+      if (seen > 0 && shared_m > 0.0)
+        scan->free.push_back({scan->origin, scan->origin + shared_m * direction(x + 0.5, y + 0.5)});
     }
   }
 }

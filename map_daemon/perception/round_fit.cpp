@@ -14,16 +14,25 @@ constexpr int kIterations = 10;
 constexpr double kStep_m = 0.3;  // at most, in an iteration
 constexpr double kConverged_m = 1e-3;
 constexpr double kUnknownWeight = 3.0;  // of half the width that is seen, where nothing is known of the radius
+constexpr std::size_t kEndsOf = 8;      // one of so many points at either end
+constexpr double kGuess = 0.08;         // by this share of it a radius errs that the width alone tells
 constexpr double kMostHalf = 0.9;       // sine of half of the angle that a circle covers, at most
 constexpr double kLeastRadius_m = 0.02;
 constexpr double kMaxWeight = 400.0;  // a radius stays correctable
 constexpr double kTrust = 2.0;        // times the noise: points twice as far off count a fifth
 constexpr double kInCommon = 4.0;     // so many neighbouring points err as one
 
+// The value that so many of the values are below.
+double above(std::size_t number, std::vector<double>* values) {
+  const auto place = values->begin() + static_cast<std::ptrdiff_t>(number);
+  std::nth_element(values->begin(), place, values->end());
+  return *place;
+}
+
 }  // namespace
 
 RoundFit fit_round(std::span<const Eigen::Vector2d> points, const Eigen::Vector2d& sensor, const RadiusPrior& prior,
-                   const std::optional<Eigen::Vector2d>& begin, double noise_m) {
+                   double noise_m) {
   RoundFit fit;
   const auto count = static_cast<double>(points.size());
   Eigen::Vector2d middle = Eigen::Vector2d::Zero();
@@ -31,23 +40,23 @@ RoundFit fit_round(std::span<const Eigen::Vector2d> points, const Eigen::Vector2
   const Eigen::Vector2d way = middle - sensor;
   const Eigen::Vector2d ahead = way.norm() > 1e-6 ? Eigen::Vector2d(way.normalized()) : Eigen::Vector2d(1.0, 0.0);
   const Eigen::Vector2d aside(-ahead.y(), ahead.x());
-  double low = 0.0, high = 0.0;  // sines of angles from the middle, as the sensor sees them
-  double near_m = way.norm();
+  // Sines of angles from the middle, as the sensor sees them, and distances; strangers at the ends do not count.
+  std::vector<double> sines, distances;
   for (const Eigen::Vector2d& point : points) {
-    const double distance = std::max((point - sensor).norm(), 1e-6), sine = aside.dot(point - sensor) / distance;
-    low = std::min(low, sine);
-    high = std::max(high, sine);
-    near_m = std::min(near_m, distance);
+    distances.push_back(std::max((point - sensor).norm(), 1e-6));
+    sines.push_back(aside.dot(point - sensor) / distances.back());
   }
+  const std::size_t last = points.size() - 1, ends = (last + kEndsOf / 2) / kEndsOf;
+  const double low = above(ends, &sines), high = above(last - ends, &sines), near_m = above(2 * ends, &distances);
   // A circle whose near side is at `near_m` covers as much.
-  const double half = std::min(0.5 * (high - low), kMostHalf);
+  const double counted = last > 0 ? 1.0 - 2.0 * static_cast<double>(ends) / static_cast<double>(last) : 1.0;
+  const double half = std::min(0.5 * (high - low) / counted, kMostHalf);
   const double half_width = std::max(near_m * half / (1.0 - half), kLeastRadius_m);
   const double expected_m = prior.weight > 0.0 ? prior.radius_m : half_width;
   const double weight = std::max(prior.weight, kUnknownWeight);
   double radius = expected_m;
-  // The middle of the near half of a circle is two thirds of the radius nearer than its centre.
   Eigen::Vector2d center =
-      begin ? *begin : Eigen::Vector2d(middle + 0.64 * radius * ahead + 0.5 * (low + high) * near_m * aside);
+      sensor + (near_m + radius) * Eigen::Vector2d(ahead + 0.5 * (low + high) * aside).normalized();
 
   Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
   for (int iteration = 0; iteration < kIterations && !fit.converged; ++iteration) {
@@ -78,7 +87,8 @@ RoundFit fit_round(std::span<const Eigen::Vector2d> points, const Eigen::Vector2
   }
   const Eigen::Matrix3d covariance = noise_m * noise_m * kInCommon * normal.inverse();
   fit.center = center;
-  fit.sigma_m = std::sqrt(std::max(covariance(0, 0), covariance(1, 1)));
+  const double guess_m = prior.weight > 0.0 ? 0.0 : kGuess * radius;
+  fit.sigma_m = std::sqrt(std::max(covariance(0, 0), covariance(1, 1)) + guess_m * guess_m);
   // What the points say of the radius, whatever the center is.
   const double of_radius = 1.0 / (normal.inverse()(2, 2) * kInCommon);
   fit.radius = {radius, std::min(of_radius, kMaxWeight)};
@@ -158,7 +168,7 @@ std::optional<RoundFit> find_round(std::span<const Eigen::Vector2d> points, cons
   std::vector<Eigen::Vector2d> on;
   for (const Eigen::Vector2d& point : points)
     if (std::abs((point - best->center).norm() - best->radius) < kOnCircle * noise_m) on.push_back(point);
-  const RoundFit fit = fit_round(on, sensor, {best->radius, 4.0}, best->center, noise_m);
+  const RoundFit fit = fit_round(on, sensor, {best->radius, 4.0}, noise_m);
   const bool good =
       fit.converged && fit.radius.radius_m < kLargest_m && 4 * static_cast<std::size_t>(fit.on_circle) >= 3 * on.size();
   return good ? std::optional(fit) : std::nullopt;

@@ -26,10 +26,10 @@ struct RoundFit {
 inline constexpr double kOnCircle = 4.0;
 
 // Least squares of the distances of `points` (W [m], three or more) from the circle, and of its radius from what was
-// known of it; points that are far from it count little. They are on the side towards `sensor`. `begin`: where the
-// centre should be, if that is known. `noise_m`: standard deviation of a point.
+// known of it; points that are far from it count little. They are on the side towards `sensor`. `noise_m`: standard
+// deviation of a point.
 RoundFit fit_round(std::span<const Eigen::Vector2d> points, const Eigen::Vector2d& sensor, const RadiusPrior& prior,
-                   const std::optional<Eigen::Vector2d>& begin, double noise_m);
+                   double noise_m);
 
 // Columns that stand so close together that they were taken for one thing: the one that most of `points` lie on, if
 // there is one. It bulges towards the sensor, nothing is seen inside of it, and of its side enough to tell it from a
