@@ -32,8 +32,9 @@ class PeerMask {
  private:
   struct Robot {
     Motion motion;
-    double radius_m;
-    Utime heard;
+    Trajectory before;  // what it flew until `motion` began: scans are of a moment ago
+    double radius_m = 0.0;
+    Utime heard{};
   };
 
   double margin_m_;
