@@ -98,7 +98,8 @@ void RangeSensor::measure(RayCaster& caster, const Eigen::Matrix3d& to_world, in
     double length = true_m_[i];
     // The ray's neighbours: beside it, and below it.
     for (const std::size_t step : {std::size_t{1}, static_cast<std::size_t>(width)}) {
-      if (i + step >= rays) continue;
+      const bool ends_row = step == 1 && (i + 1) % static_cast<std::size_t>(width) == 0;
+      if (i + step >= rays || ends_row) continue;
       const double other = true_m_[i + step];
       if (std::abs(other - length) > kEdge_m && random_.uniform() < kMixed)
         length += random_.uniform() * (other - length);
