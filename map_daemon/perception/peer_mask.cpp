@@ -1,17 +1,15 @@
 #include "map_daemon/perception/peer_mask.h"
 
-#include <utility>
-
 namespace swarm {
 
 void PeerMask::hear(const sogm_swarm::announcement_t& announcement, Utime now) {
-  Motion motion = motion_of(announcement);
+  const Motion motion = motion_of(announcement);
   Robot& robot = robots_[announcement.header.robot_id];
   const auto begins_later = [&](const Trajectory& flown) {
     return !flown.empty() && flown.start_utime() < motion.committed.start_utime();
   };
   if (begins_later(robot.motion.committed)) robot.before = robot.motion.committed;
-  robot.motion = std::move(motion);
+  robot.motion = motion;
   robot.radius_m = double{announcement.radius};
   robot.heard = now;
 }

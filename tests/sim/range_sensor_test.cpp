@@ -52,8 +52,9 @@ std::vector<Eigen::Vector3d> points_of(const depth_image_t& image) {
   std::vector<Eigen::Vector3d> points;
   for (int i = 0; i < image.num_pixels; ++i) {
     const double depth_m = 1e-3 * image.depth_mm[static_cast<std::size_t>(i)];
+    const int row = i / image.width;
     const Eigen::Vector3d ahead((i % image.width - double{image.center_px[0]}) / double{image.focal_px[0]},
-                                (i / image.width - double{image.center_px[1]}) / double{image.focal_px[1]}, 1.0);
+                                (row - double{image.center_px[1]}) / double{image.focal_px[1]}, 1.0);
     if (depth_m > 0.0) points.push_back(pose.position + pose.orientation * (depth_m * ahead));
   }
   return points;

@@ -120,6 +120,7 @@ double length_to_cube(const OccupiedCubes::Cube& cube, const Eigen::Vector3d& fr
 
 OccupiedCubes random_cubes(Rng& rng, int count) {
   std::vector<OccupiedCubes::Cube> cubes;
+  cubes.reserve(static_cast<std::size_t>(count));
   for (int i = 0; i < count; ++i) cubes.push_back({in_cube(rng, 3.0), uniform(rng, 0.02, 0.2)});
   return OccupiedCubes(std::move(cubes));
 }
@@ -200,6 +201,7 @@ TEST(RayCaster, RaysEndAtTheNearestOfAllThereIs) {
       const Eigen::Vector3d from = in_cube(rng, 5.0);
       const double range_m = uniform(rng, 1.0, 12.0);
       std::vector<RayCaster::Ball> balls;
+      balls.reserve(4);
       for (int k = 0; k < i % 4; ++k) balls.push_back({in_cube(rng, 4.0), uniform(rng, 0.1, 0.5)});
       with_map.look(t_s, from, range_m, balls);
       without.look(t_s, from, range_m, balls);

@@ -243,7 +243,8 @@ int expect_passed(const FreeSpaceGrid& grid, const Eigen::Vector3d& from, const 
   const bool is_short = length_inside(from, to, Eigen::Array3d::Zero(), kGridSize.cast<double>().array()) < 3.0;
   int freed = 0;
   for (int column = 0; column < kGridEdge * kGridEdge; ++column) {
-    const Eigen::Array3d low(column / kGridEdge, column % kGridEdge, 0.0), top(1.0, 1.0, kGridHeight);
+    const int row = column / kGridEdge;
+    const Eigen::Array3d low(row, column % kGridEdge, 0.0), top(1.0, 1.0, kGridHeight);
     const std::uint64_t word = words[static_cast<std::size_t>(column)];
     if (word == 0 && length_inside(from, to, low, low + top) <= 0.0) continue;
     for (int z = 0; z < kGridHeight; ++z) {

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <functional>
 #include <numbers>
+#include <numeric>
 #include <vector>
 
 #include "tests/support/random_motion.h"
@@ -99,9 +100,11 @@ TEST(RangeScan, PointsLieOnTheWallAndRaysEndThere) {
         axis = ahead_of(image, double{image.center_px[0]}, double{image.center_px[1]});
     const Eigen::Vector3d normal = (axis + 0.25 * direction(rng)).normalized();
     const auto beyond_m = [&](const Eigen::Vector3d& place) { return normal.dot(place - origin) - wall_m; };
-    for (int p = 0; p < image.num_pixels; ++p)
+    for (int p = 0; p < image.num_pixels; ++p) {
+      const int row = p / 32;
       image.depth_mm[static_cast<std::size_t>(p)] =
-          static_cast<std::int16_t>(1e3 * wall_m / normal.dot(ahead_of(image, p % 32, p / 32)) + 0.5);
+          static_cast<std::int16_t>(1e3 * wall_m / normal.dot(ahead_of(image, p % 32, row)) + 0.5);
+    }
     const RangeScan scan = scan_of(image, {.depth_range_m = 30.0});
     ASSERT_EQ(std::ssize(scan.surfaces), image.num_pixels);
     EXPECT_LT(std::ssize(scan.free), 0.8 * image.num_pixels) << "voxels are passed in vain";
@@ -163,7 +166,8 @@ TEST(RangeScan, WhatIsBeyondTheRangeIsOnlyFree) {
   EXPECT_EQ(scan.measured, 24 * 16);
   for (const RangeScan::Ray& ray : scan.free) EXPECT_LT((ray.to - scan.origin).norm(), 4.0 + 1e-9);
   for (int i = 0; i < 24 * 16; ++i) {
-    const Eigen::Vector3d ahead = ahead_of(image, i % 24, i / 24), place = depth_m(i % 24, 0) * ahead;
+    const int row = i / 24;
+    const Eigen::Vector3d ahead = ahead_of(image, i % 24, row), place = depth_m(i % 24, 0) * ahead;
     EXPECT_TRUE(is_passed(scan, 3.99 * ahead.normalized())) << i;
     const auto is_there = [&](const Eigen::Vector3d& other) { return (other - place).norm() < 1e-9; };
     EXPECT_EQ(std::ranges::any_of(scan.surfaces, is_there), place.norm() <= 4.0 + RangeScan::kBeyond_m) << i;
@@ -207,7 +211,8 @@ TEST(RangeScan, ImagesOfAnySizeAreReadWhole) {
     for (int i = 0; i < width * height; ++i) {
       const int x = i % width, y = i / width;
       EXPECT_TRUE(is_passed(scan, 3.95 * ahead_of(image, x, y))) << i;
-      EXPECT_TRUE(ends_at(scan, kShared_m * ahead_of(image, x / 2 * 2 + 0.5, y / 2 * 2 + 0.5))) << i;
+      const int block_x = x / 2 * 2, block_y = y / 2 * 2;
+      EXPECT_TRUE(ends_at(scan, kShared_m * ahead_of(image, block_x + 0.5, block_y + 0.5))) << i;
     }
     const auto is_shared = [&](const RangeScan::Ray& ray) { return ray.from == scan.origin; };
     EXPECT_EQ(std::ranges::count_if(scan.free, is_shared), (width + 1) / 2 * ((height + 1) / 2));
@@ -293,8 +298,8 @@ TEST(ScanAssembler, PartsComeInAnyOrder) {
   for (int seq = 1; seq <= 200; ++seq) {
     SCOPED_TRACE(testing::Message() << "scan " << seq);
     const int parts = uniform_int(rng, 1, 6);
-    std::vector<int> order;
-    for (int i = 0; i < parts; ++i) order.push_back(i);
+    std::vector<int> order(static_cast<std::size_t>(parts));
+    std::iota(order.begin(), order.end(), 0);
     std::ranges::shuffle(order, rng);
     for (int i = 0; i < parts; ++i) {
       const int number = order[static_cast<std::size_t>(i)];

@@ -45,6 +45,7 @@ struct Round {
   }
   std::vector<Eigen::Vector2d> exact(int count) const {
     std::vector<Eigen::Vector2d> points;
+    points.reserve(static_cast<std::size_t>(count));
     for (int i = 0; i < count; ++i) points.push_back(sensor + way(2.0 * i / (count - 1) - 1.0));
     return points;
   }
