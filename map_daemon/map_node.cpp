@@ -212,10 +212,8 @@ Refusal MapNode::on_seen_space(Utime now, std::span<const std::uint8_t> bytes) {
       refusal != Refusal::kNone)
     return refusal;
   if (part.num_frames != 2 || part.resolution != config_.voxel_m()) return Refusal::kInconsistent;
-  Sogm seen;
-  const Assembly assembly = seen_parts_.add(part, &seen);
+  const Assembly assembly = seen_parts_.add(part, &seen_);
   if (assembly.status != AssemblyStatus::kComplete) return assembly.refusal;
-  seen_ = std::move(seen);
   obstacles_are_new_ = true;
   return Refusal::kNone;
 }
@@ -227,17 +225,17 @@ bool MapNode::fresh(Utime utime, double timeout_s, Utime now) const {
 std::int16_t MapNode::state(Utime now) const {
   if (!has_state_) return map_status_t::kNoState;
   if (!fresh(state_utime_, config_.state_timeout_s, now)) return map_status_t::kStaleState;
-  return sees(now) ? map_status_t::kRunning : map_status_t::kBlind;
+  return config_.perception && !sees(now) ? map_status_t::kBlind : map_status_t::kRunning;
 }
 
 bool MapNode::sees(Utime now) const {
-  return !config_.perception || (seen_ && fresh(seen_->start_utime, kBlind_s, now));
+  return seen_.num_frames > 0 && fresh(seen_.start_utime, kBlind_s, now);
 }
 
 // All was where it was when it was; by which clock that is told anew.
 bool MapNode::on_clock_step(Utime, Duration step) {
   state_utime_ += step;
-  if (seen_) seen_->start_utime += step;
+  seen_.start_utime += step;
   tracker_.shift(step);
   for (auto& [id, entry] : voxel_obstacles_) {
     entry.obstacle.utime += step;
@@ -294,8 +292,8 @@ void MapNode::build(Utime now) {
 
   sogm_.reset(geometry, config_.num_frames(), now, to_duration(config_.frame_s));
   if (static_map_) static_map_->copy_into(&sogm_);
-  if (seen_ && fresh(seen_->start_utime, kBlind_s, now)) {
-    add_first_frame(*seen_, &sogm_);
+  if (sees(now)) {
+    add_first_frame(seen_, &sogm_);
     if (config_.unknown != "free") add_unknown(center);
   }
   for (const Track& track : tracker_.tracks()) {
@@ -310,12 +308,12 @@ void MapNode::build(Utime now) {
 
 // What was not seen, and is not just beside what was, may be anything. What lies outside of what can be seen was not.
 void MapNode::add_unknown(const Eigen::Vector3d& center) {
-  known_.reset(seen_->geometry, 1, seen_->start_utime, seen_->frame_duration);
-  const auto words = static_cast<std::size_t>(seen_->geometry.words_per_frame());
-  for (std::size_t i = 0; i < words; ++i) known_.words[i] = ~seen_->words[words + i];
-  dilate(known_, config_.unknown_beside_m, &reachable_);
+  seen_free_.reset(seen_.geometry, 1, seen_.start_utime, seen_.frame_duration);
+  const auto words = static_cast<std::size_t>(seen_.geometry.words_per_frame());
+  for (std::size_t i = 0; i < words; ++i) seen_free_.words[i] = ~seen_.words[words + i];
+  dilate(seen_free_, config_.unknown_beside_m, &beside_);
   known_.reset(sogm_.geometry, 1, sogm_.start_utime, sogm_.frame_duration);
-  add_first_frame(reachable_, &known_);
+  add_first_frame(beside_, &known_);
   const bool only_near = config_.unknown == "near";
   const GridGeometry& window = sogm_.geometry;
   const auto set_unknown = [&](double low, double high, int x, int y) {

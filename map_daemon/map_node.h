@@ -89,7 +89,7 @@ class MapNode : public Node {
   bool fresh(Utime utime, double timeout_s, Utime now) const;
   std::int16_t state(Utime now) const;  // map_status_t::k...
   void forget_unreported(Utime now);
-  bool sees(Utime now) const;  // or need not
+  bool sees(Utime now) const;
   void build(Utime now);
   void add_unknown(const Eigen::Vector3d& center);
   void publish_map(Outbox& outbox);
@@ -110,10 +110,11 @@ class MapNode : public Node {
   std::map<std::int32_t, VoxelObstacle> voxel_obstacles_;  // by id
 
   SogmAssembler seen_parts_;
-  std::optional<Sogm> seen_;  // two frames: what stands, and what was not seen
+  Sogm seen_;  // two frames: what stands, and what was not seen; none before the first
   bool obstacles_are_new_ = false;
   Recurring build_, status_;
-  Sogm sogm_, known_, reachable_;
+  Sogm sogm_;
+  Sogm seen_free_, beside_, known_;  // on the way to what is unknown
   SogmEncoder encoder_;
   std::int32_t maps_ = 0, maps_at_last_status_ = 0;
   double build_ms_ = 0.0;

@@ -17,13 +17,13 @@ constexpr int kLeastVoxels = 2;
 }  // namespace
 
 template <class Visit>
-void ClusterFinder::for_each_near(const Run& run, int reach, int slack, const Visit& visit) {
+void ClusterFinder::for_each_near(const Run& run, int reach, const Visit& visit) {
   for (int x = std::max(run.x - reach, 0); x <= std::min(run.x + reach, kEdge - 1); ++x) {
     for (int y = std::max(run.y - reach, 0); y <= std::min(run.y + reach, kEdge - 1); ++y) {
       const int first = cell(x, y);
       if (first < 0) continue;
       for (auto i = static_cast<std::size_t>(first); i < runs_.size() && runs_[i].x == x && runs_[i].y == y; ++i) {
-        if (runs_[i].low <= run.high + slack && runs_[i].high >= run.low - slack) visit(static_cast<int>(i));
+        if (runs_[i].low <= run.high + kSlack && runs_[i].high >= run.low - kSlack) visit(static_cast<int>(i));
       }
     }
   }
@@ -57,7 +57,7 @@ void ClusterFinder::take_runs() {
     run.taken = 2 * std::popcount(run.moved) >= std::popcount(run.bits);
     if (run.taken) continue;
     int low = run.low, high = run.high;
-    for_each_near(run, 1, kSlack, [&](int other) {
+    for_each_near(run, 1, [&](int other) {
       low = std::min(low, runs_[static_cast<std::size_t>(other)].low);
       high = std::max(high, runs_[static_cast<std::size_t>(other)].high);
     });
@@ -74,10 +74,10 @@ int ClusterFinder::root(int run) {
   return run;
 }
 
-void ClusterFinder::join_runs(int reach) {
+void ClusterFinder::join_runs() {
   for (std::size_t i = 0; i < runs_.size(); ++i) {
     if (!runs_[i].taken) continue;
-    for_each_near(runs_[i], reach, kSlack, [&](int other) {
+    for_each_near(runs_[i], kReach, [&](int other) {
       if (!runs_[static_cast<std::size_t>(other)].taken) return;
       const int a = root(static_cast<int>(i)), b = root(other);
       runs_[static_cast<std::size_t>(std::max(a, b))].parent = std::min(a, b);
@@ -88,7 +88,7 @@ void ClusterFinder::join_runs(int reach) {
 const std::vector<Cluster>& ClusterFinder::find(const FreeSpaceGrid& grid, std::span<const Eigen::Vector3d> places) {
   collect_runs(grid);
   take_runs();
-  join_runs(kReach);
+  join_runs();
   clusters_.clear();
   cluster_of_run_.assign(runs_.size(), -1);
   for (std::size_t i = 0; i < runs_.size(); ++i) {

@@ -35,11 +35,11 @@ class ClusterFinder {
 
   void collect_runs(const FreeSpaceGrid& grid);
   void take_runs();
-  void join_runs(int reach);
+  void join_runs();
   int root(int run);
   int& cell(int x, int y) { return first_run_[static_cast<std::size_t>(x * FreeSpaceGrid::kEdge + y)]; }
   template <class Visit>
-  void for_each_near(const Run& run, int reach, int slack, const Visit& visit);
+  void for_each_near(const Run& run, int reach, const Visit& visit);
 
   std::vector<Run> runs_;       // of a column one after the other
   std::vector<int> first_run_;  // of a column, or -1

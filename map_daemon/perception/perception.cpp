@@ -1,7 +1,6 @@
 #include "map_daemon/perception/perception.h"
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
 #include <utility>
 
@@ -227,7 +226,8 @@ bool Perception::fit_new(const RangeScan& scan, Piece* piece) {
   piece->is_cut = is_cut(piece->points, scan);
   const RoundFit fit = fit_round(places, scan.origin.head<2>(), prior_of({}, piece->is_cut), noise_m);
   const double share = static_cast<double>(fit.on_circle) / static_cast<double>(from_above_.size());
-  piece->is_round = fit.rms_m <= kRound_rms * noise_m && fit.radius.radius_m <= kMaxRadius_m && share >= kRoundShare;
+  piece->is_round =
+      fit.converged && fit.rms_m <= kRound_rms * noise_m && fit.radius.radius_m <= kMaxRadius_m && share >= kRoundShare;
   piece->center = fit.center;
   piece->sigma_m = fit.sigma_m;
   piece->radius = fit.radius;

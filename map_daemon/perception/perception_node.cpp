@@ -170,9 +170,9 @@ std::int16_t PerceptionNode::state(Utime now) const {
 Activity PerceptionNode::activity(Utime now) const {
   switch (state(now)) {
     case perception_status_t::kNoPose:
-      return {.waits = true, .text = "for a sensor that knows where it is: its pose jumps"};
+      return {.waits = true, .text = "waits for a sensor that knows where it is: its pose jumped"};
     case perception_status_t::kNoScan:
-      return {.waits = true, .text = std::string("for ") + channel::kLidarScan + " or " + channel::kDepthImage};
+      return waits_for(std::string(channel::kLidarScan) + " or " + channel::kDepthImage);
     default:
       return {.text = "looks around the robot"};
   }
@@ -180,7 +180,7 @@ Activity PerceptionNode::activity(Utime now) const {
 
 Utime PerceptionNode::step(Utime now, Outbox& outbox) {
   for (Sensor& sensor : sensors_)
-    if (sensor.is_new) process(now, &sensor, outbox);
+    if (sensor.is_new) process(&sensor, outbox);
   if (now >= status_.due(now, kStatusPeriod)) {
     publish_status(now, outbox);
     status_.done(now);
@@ -188,7 +188,7 @@ Utime PerceptionNode::step(Utime now, Outbox& outbox) {
   return status_.due(now, kStatusPeriod);
 }
 
-void PerceptionNode::process(Utime, Sensor* sensor, Outbox& outbox) {
+void PerceptionNode::process(Sensor* sensor, Outbox& outbox) {
   const std::chrono::nanoseconds begun = stopwatch_ ? stopwatch_() : 0ns;
   const Utime utime = sensor->scan.utime;
   perception_.update(sensor->scan, robots_.at(utime), obstacle_headers_.next(utime));

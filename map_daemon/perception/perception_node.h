@@ -46,8 +46,6 @@ class PerceptionNode : public Node {
   bool on_clock_step(Utime now, Duration step) override;
   Activity activity(Utime now) const override;
 
-  double scan_ms() const { return scan_ms_; }  // of the newest scan, encoding included
-  int scans() const { return scans_; }         // used since start
   const RefusalCounts& refused() const { return refused_; }
   const Perception& perception() const { return perception_; }
 
@@ -68,7 +66,7 @@ class PerceptionNode : public Node {
   TimeWindow window(Utime now) const;
   // A whole scan was read: whether it can be used.
   Refusal take(Sensor* sensor);
-  void process(Utime now, Sensor* sensor, Outbox& outbox);
+  void process(Sensor* sensor, Outbox& outbox);
   std::int16_t state(Utime now) const;  // perception_status_t::k...
   void publish_status(Utime now, Outbox& outbox);
 

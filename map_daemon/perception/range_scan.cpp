@@ -47,7 +47,7 @@ class Depths {
   int width_, height_;
 };
 
-// A surface at `reach` times the direction, or none within range: then the ray is free as far as is looked.
+// How far a ray is free, at most as far as is looked, and whether it ends on a surface that is told.
 struct RayEnd {
   double free_m;
   bool is_surface;
@@ -114,13 +114,13 @@ void read_scan(const depth_image_t& image, const ScanConfig& config, double reso
 
 ScanAssembler::Result ScanAssembler::add(const lidar_scan_t& part) {
   const auto number = static_cast<std::size_t>(part.part), all = static_cast<std::size_t>(part.num_parts);
-  const auto order = [](const lidar_scan_t& scan) { return std::pair{scan.header.boot, scan.header.seq}; };
-  if (parts_.empty() || order(part) > order(parts_[0])) {
+  if (newest_.pass(part.header) == Refusal::kNone) {
+    boot_ = part.header.boot, seq_ = part.header.seq;
     parts_.resize(all);
     have_.assign(all, 0);
-    parts_[0].header = part.header;
   }
-  if (order(part) != order(parts_[0]) || all != parts_.size() || have_[number] != 0) return Result::kRefused;
+  const bool is_of_it = part.header.boot == boot_ && part.header.seq == seq_ && all == parts_.size();
+  if (!is_of_it || have_[number] != 0) return Result::kRefused;
   have_[number] = 1;
   parts_[number] = part;
   return std::ranges::all_of(have_, [](char have) { return have != 0; }) ? Result::kComplete : Result::kIncomplete;

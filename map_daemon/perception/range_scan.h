@@ -3,7 +3,7 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <optional>
+#include <cstdint>
 #include <vector>
 
 #include "lcmtypes/bus/codec.h"
@@ -55,6 +55,9 @@ class ScanAssembler {
   const std::vector<sogm_swarm::lidar_scan_t>& parts() const { return parts_; }
 
  private:
+  SequenceGate newest_;
+  std::int64_t seq_ = 0;
+  std::int32_t boot_ = 0;  // of the scan at hand
   std::vector<sogm_swarm::lidar_scan_t> parts_;
   std::vector<char> have_;
 };

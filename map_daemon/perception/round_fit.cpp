@@ -102,6 +102,7 @@ constexpr double kSmallest_m = 0.08, kLargest_m = 0.8;  // radii that are looked
 constexpr double kLeastSpan_m = 0.08;                   // of the three points that make a circle
 constexpr std::size_t kLeastOnCircle = 12;
 constexpr double kWidest = 0.6;  // cosine of the angle to the sensor that its side must be seen up to
+constexpr double kBulge = 5.0;   // times the noise: what bulges less may be flat
 constexpr double kInside = 0.1;  // share of points that may be inside
 
 // Through three points; none where they are in a line, nearly.
@@ -159,7 +160,8 @@ std::optional<RoundFit> find_round(std::span<const Eigen::Vector2d> points, cons
     if (!circle || circle->radius < kSmallest_m || circle->radius > kLargest_m) continue;
     if ((circle->center - sensor).norm() < ((a + b + c) / 3.0 - sensor).norm()) continue;  // hollow
     const Support support = support_of(*circle, points, sensor, noise_m);
-    if (support.on <= most || support.least_cosine > kWidest) continue;
+    const double bulge_m = circle->radius * (1.0 - support.least_cosine);
+    if (support.on <= most || support.least_cosine > kWidest || bulge_m < kBulge * noise_m) continue;
     if (static_cast<double>(support.inside) > kInside * static_cast<double>(support.on)) continue;
     most = support.on;
     best = circle;

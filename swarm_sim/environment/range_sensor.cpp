@@ -13,7 +13,6 @@ using sogm_swarm::depth_image_t;
 using sogm_swarm::lidar_scan_t;
 
 constexpr double kDegree = std::numbers::pi / 180.0;
-constexpr double kGravity_mps2 = 9.81;
 
 // A LiDAR that turns ten times a second, and a depth camera.
 constexpr int kBeams = 16, kAzimuths = 900;
@@ -35,7 +34,7 @@ constexpr double kStep_s = 0.01;
 }  // namespace
 
 Eigen::Quaterniond attitude_of(const Eigen::Vector3d& acceleration, double yaw_rad) {
-  const Eigen::Vector3d up = (acceleration + Eigen::Vector3d(0, 0, kGravity_mps2)).normalized();
+  const Eigen::Vector3d up = (acceleration + Eigen::Vector3d(0, 0, MotionLimits::kGravity_mps2)).normalized();
   const auto [sin, cos] = sin_cos(yaw_rad);
   const Eigen::Vector3d left = up.cross(Eigen::Vector3d(cos, sin, 0)).normalized();
   Eigen::Matrix3d axes;
@@ -46,10 +45,8 @@ Eigen::Quaterniond attitude_of(const Eigen::Vector3d& acceleration, double yaw_r
 RangeSensor::RangeSensor(const World& world, int robot_id)
     : options_(world.sensor),
       random_(seed_of(world.name + " range sensor " + std::to_string(robot_id))),
-      fast_position_(kFastError_s, &random_),
-      slow_position_(kSlowError_s, &random_),
-      fast_turn_(kFastError_s, &random_),
-      slow_turn_(kSlowError_s, &random_) {
+      position_error_(&random_),
+      turn_error_(&random_) {
   if (options_.kind == "lidar") {
     for (int beam = 0; beam < kBeams; ++beam) {
       const SinCos up = sin_cos(kLowestBeam_rad + beam * kBetweenBeams_rad);
@@ -72,16 +69,15 @@ Duration RangeSensor::period() const {
   return options_.kind == "lidar" ? kLidarPeriod : to_duration(1.0 / options_.rate_hz);
 }
 
-// Half of the error wanders fast, half slowly.
 Pose RangeSensor::with_error(const Pose& pose, double t_s) {
   if (options_.pose_noise_m == 0.0 && options_.pose_noise_deg == 0.0) return pose;
-  for (; last_t_s_ + kStep_s <= t_s; last_t_s_ += kStep_s)
-    for (Wander* error : {&fast_position_, &slow_position_, &fast_turn_, &slow_turn_}) error->step(kStep_s, &random_);
+  for (; last_t_s_ + kStep_s <= t_s; last_t_s_ += kStep_s) {
+    position_error_.step(kStep_s, &random_);
+    turn_error_.step(kStep_s, &random_);
+  }
   Pose wrong = pose;
-  const double half = std::numbers::sqrt2 / 2;
-  wrong.position += options_.pose_noise_m * half * (fast_position_.value() + slow_position_.value());
-  const Eigen::Vector3d turn =
-      0.5 * options_.pose_noise_deg * kDegree * half * (fast_turn_.value() + slow_turn_.value());
+  wrong.position += position_error_.value(options_.pose_noise_m);
+  const Eigen::Vector3d turn = 0.5 * turn_error_.value(options_.pose_noise_deg * kDegree);  // of a quaternion
   wrong.orientation =
       Eigen::Quaterniond(Eigen::Quaterniond(1.0, turn.x(), turn.y(), turn.z()).normalized() * pose.orientation);
   return wrong;

@@ -46,7 +46,7 @@ class RangeSensor {
 
   SensorOptions options_;
   Random random_;
-  Wander fast_position_, slow_position_, fast_turn_, slow_turn_;
+  EstimateError position_error_, turn_error_;
   double last_t_s_ = -1.0;
   std::vector<Eigen::Vector3d> directions_;  // of length 1, in the sensor's frame
   std::vector<double> true_m_, measured_m_;

@@ -1,7 +1,5 @@
 #include "swarm_sim/environment/vehicle.h"
 
-#include <numbers>
-
 #include "lcmtypes/bus/receive.h"
 
 namespace swarm {
@@ -19,10 +17,9 @@ Vehicle::Vehicle(int robot_id, const Eigen::Vector3d& start, Duration clock_offs
       setpoints_offset_(clock_offset),
       model_(make_vehicle_model(options, start, seed_of(world + " vehicle " + std::to_string(robot_id)),
                                 seed_of(world + " wind"))),
-      own_noise_m_(options.own_noise_m * std::numbers::sqrt2 / 2),
+      own_noise_m_(options.own_noise_m),
       random_(seed_of(world + " robot " + std::to_string(robot_id))),
-      fast_error_(kFastError_s, &random_),
-      slow_error_(kSlowError_s, &random_) {
+      own_error_(&random_) {
   state_.position = start;
   estimate_ = reference_ = state_;
 }
@@ -89,11 +86,9 @@ MotionState Vehicle::reference_at(Utime utime) const {
 MotionState Vehicle::own_error() {
   MotionState error;
   if (own_noise_m_ == 0.0) return error;
-  for (Wander* wander : {&fast_error_, &slow_error_}) {
-    wander->step(VehicleModel::kStep_s, &random_);
-    error.position += own_noise_m_ * wander->value();
-    error.velocity += own_noise_m_ * wander->rate_per_s();
-  }
+  own_error_.step(VehicleModel::kStep_s, &random_);
+  error.position = own_error_.value(own_noise_m_);
+  error.velocity = own_error_.rate_per_s(own_noise_m_);
   return error;
 }
 

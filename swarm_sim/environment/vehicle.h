@@ -61,9 +61,9 @@ class Vehicle {
   MotionState state_, estimate_, reference_;
   double yaw_rad_ = 0.0;
   std::unique_ptr<VehicleModel> model_;
-  double own_noise_m_;  // of each of the two below
+  double own_noise_m_;
   Random random_;
-  Wander fast_error_, slow_error_;
+  EstimateError own_error_;
   SequenceGate setpoints_;
   std::optional<sogm_swarm::setpoint_t> setpoint_;
   std::optional<Motion> motion_;  // it is bound to

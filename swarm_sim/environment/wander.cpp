@@ -7,6 +7,7 @@
 namespace swarm {
 namespace {
 
+constexpr double kFastError_s = 0.5, kSlowError_s = 20.0;
 constexpr double kAlong_m = 15.0, kUp_m = 2.0;  // lengths of gusts, two metres above the ground
 
 }  // namespace
@@ -18,6 +19,13 @@ void Wander::step(double dt_s, Random* random) {
   const double noise = std::sqrt(4.0 * frequency_ * frequency_ * frequency_ * dt_s);
   rate_ += -dt_s * frequency_ * (2.0 * rate_ + frequency_ * value_) + noise * random->normal3();
   value_ += dt_s * rate_;
+}
+
+EstimateError::EstimateError(Random* random) : fast_(kFastError_s, random), slow_(kSlowError_s, random) {}
+
+void EstimateError::step(double dt_s, Random* random) {
+  fast_.step(dt_s, random);
+  slow_.step(dt_s, random);
 }
 
 Gusts::Gusts(double speed_mps, Random* random) : first_(random->normal3()), second_(Eigen::Vector3d::Zero()) {

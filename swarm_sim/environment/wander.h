@@ -2,13 +2,11 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <numbers>
 
 #include "swarm_sim/world/random.h"
 
 namespace swarm {
-
-// Robots err about where they are: half of it stays much the same for so long, half for so long.
-inline constexpr double kFastError_s = 0.5, kSlowError_s = 20.0;
 
 // Three axes, each a critically damped oscillator that white noise drives: mean 0, variance 1, continuous with its
 // rate.
@@ -24,6 +22,24 @@ class Wander {
  private:
   double frequency_;  // [1/s]
   Eigen::Vector3d value_, rate_;
+};
+
+// How far somebody errs about where it is: half of the variance wanders within half a second, half within twenty.
+class EstimateError {
+ public:
+  explicit EstimateError(Random* random);
+
+  void step(double dt_s, Random* random);
+  // Of this standard deviation of an axis, and how fast it changes [1/s].
+  Eigen::Vector3d value(double sigma) const { return share(sigma) * fast_.value() + share(sigma) * slow_.value(); }
+  Eigen::Vector3d rate_per_s(double sigma) const {
+    return share(sigma) * fast_.rate_per_s() + share(sigma) * slow_.rate_per_s();
+  }
+
+ private:
+  static double share(double sigma) { return sigma * std::numbers::sqrt2 / 2; }
+
+  Wander fast_, slow_;
 };
 
 // Gusts after Dryden (MIL-F-8785C), at low height: mean 0, variance 1. Axis x is along the wind.

@@ -21,7 +21,7 @@ constexpr Utime kEpoch = Utime(1'000'000'000s);  // simulated time of world time
 struct RobotWork {
   RobotReport counts;
   PlanningSamples step_ms;
-  std::vector<double> map_ms, scan_ms;
+  std::vector<double> map_ms;
 
   void note_step(const MapNode& map, int* maps) {
     if (map.maps() == *maps) return;
@@ -39,11 +39,7 @@ struct RobotWork {
     samples->push_back(plan.prepare_ms);
   }
   void note_step(const BroadcastNode&, int*) {}
-  void note_step(const PerceptionNode& perception, int* scans) {
-    if (perception.scans() == *scans) return;
-    *scans = perception.scans();
-    scan_ms.push_back(perception.scan_ms());
-  }
+  void note_step(const PerceptionNode&, int*) {}
 
   void note_end(const MapNode& map) { count(map.refused()); }
   void note_end(const PlannerNode& planner) {

@@ -9,6 +9,7 @@
 #include "lcmtypes/bus/option_set.h"
 #include "lcmtypes/bus/portable_math.h"
 #include "lcmtypes/bus/text.h"
+#include "lcmtypes/bus/timing_stats.h"
 #include "map_daemon/perception/perception.h"
 #include "swarm_sim/environment/range_sensor.h"
 
@@ -32,12 +33,6 @@ double processor_ms() {
   timespec time{};
   ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
   return 1e3 * static_cast<double>(time.tv_sec) + 1e-6 * static_cast<double>(time.tv_nsec);
-}
-
-double percentile(std::vector<double> values, double share) {
-  if (values.empty()) return 0.0;
-  std::sort(values.begin(), values.end());
-  return values[std::min(values.size() - 1, static_cast<std::size_t>(share * static_cast<double>(values.size())))];
 }
 
 World world_of(const Options& options, int number) {
@@ -168,14 +163,17 @@ int run(int argc, char** argv) {
   double squares = 0.0;
   for (const double error : sample.position_m) squares += error * error;
   const auto three = [](double value) { return fixed(value, 3); };
-  std::cout << "position rms "
-            << three(std::sqrt(squares / std::max<double>(1.0, static_cast<double>(sample.position_m.size()))))
-            << " m; velocity p50 " << three(percentile(sample.velocity_mps, 0.5)) << ", p95 "
-            << three(percentile(sample.velocity_mps, 0.95)) << " m/s; latency p50 "
-            << three(percentile(sample.latency_s, 0.5)) << ", p95 " << three(percentile(sample.latency_s, 0.95))
-            << " s\nmissed " << three(100.0 * sample.missed / std::max(sample.due, 1))
-            << " %; false moving tracks a scan " << three(double(sample.false_moving) / sample.scans) << "; scan p50 "
-            << three(percentile(sample.scan_ms, 0.5)) << ", p99 " << three(percentile(sample.scan_ms, 0.99)) << " ms\n";
+  const auto two = [&](double TimingStats::*high, const std::vector<double>& values, const char* name) {
+    const TimingStats stats = timing_stats(values);
+    return "p50 " + three(stats.p50_ms) + ", " + name + " " + three(stats.*high);
+  };
+  const double positions = std::max(1.0, static_cast<double>(sample.position_m.size()));
+  std::cout << "position rms " << three(std::sqrt(squares / positions)) << " m; velocity "
+            << two(&TimingStats::p95_ms, sample.velocity_mps, "p95") << " m/s; latency "
+            << two(&TimingStats::p95_ms, sample.latency_s, "p95") << " s\nmissed "
+            << three(100.0 * sample.missed / std::max(sample.due, 1)) << " %; false moving tracks a scan "
+            << three(double(sample.false_moving) / sample.scans) << "; scan "
+            << two(&TimingStats::p99_ms, sample.scan_ms, "p99") << " ms\n";
   return 0;
 }
 

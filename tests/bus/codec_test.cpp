@@ -23,37 +23,14 @@ using namespace random_messages;
 using Bytes = std::vector<std::uint8_t>;
 
 // The length field of each type that has one.
-template <class T>
+template <class T, class Array = std::remove_const_t<decltype(MessageTraits<T>::kArray)>>
 struct CountField {
+  static constexpr int bytes = sizeof(std::declval<T>().*(MessageTraits<T>::kArray.count));
+  static constexpr int cap = MessageTraits<T>::kArray.max_count;
+};
+template <class T>
+struct CountField<T, NoArray> {
   static constexpr int bytes = 0, cap = 0;
-};
-template <>
-struct CountField<announcement_t> {
-  static constexpr int bytes = 2, cap = 60;
-};
-template <>
-struct CountField<corridors_t> {
-  static constexpr int bytes = 4, cap = 2048;
-};
-template <>
-struct CountField<obstacle_voxels_t> {
-  static constexpr int bytes = 4, cap = 65536;
-};
-template <>
-struct CountField<obstacles_t> {
-  static constexpr int bytes = 4, cap = 4096;
-};
-template <>
-struct CountField<depth_image_t> {
-  static constexpr int bytes = 4, cap = 32000;
-};
-template <>
-struct CountField<lidar_scan_t> {
-  static constexpr int bytes = 4, cap = 30000;
-};
-template <>
-struct CountField<sogm_t> {
-  static constexpr int bytes = 4, cap = 60000;
 };
 
 // The definition, bit by bit.
@@ -98,7 +75,7 @@ template <class T>
 class CodecTest : public testing::Test {};
 struct TypeNames {
   template <class T>
-  static std::string GetName(int) {
+  static std::string GetName(int) {  // NOLINT(readability-identifier-naming): GoogleTest calls it
     return T::getTypeName();
   }
 };

@@ -1,5 +1,7 @@
 // The perception daemon's node: whatever scans come, statuses go out, reports decode and are of the scans that were
 // taken.
+#include <set>
+
 #include "map_daemon/perception/perception_node.h"
 #include "tests/fuzz/fuzz_node.h"
 
@@ -17,7 +19,13 @@ class Bench : public NodeBench<Bench, PerceptionNode> {
 
   using NodeBench::hear;
   void hear(const sogm_swarm::perception_status_t&) { last_status_ = elapsed; }
-  void hear(const sogm_swarm::obstacles_t& report) { expect(report.num_obstacles <= 1000, "few points are no crowd"); }
+  void hear(const sogm_swarm::obstacles_t& report) {
+    std::set<int> ids;
+    for (const sogm_swarm::obstacle_t& obstacle : report.obstacles) {
+      expect(ids.insert(obstacle.id).second, "a report has each track once");
+      expect(obstacle.size[0] < 2.5, "columns are no thicker than what they are taken in pieces of");
+    }
+  }
   void on_step_of_clock(Duration) { last_status_ = elapsed; }
 
   template <class Message>

@@ -75,6 +75,24 @@ TEST(Faults, WhoeverIsDownWaitsWhereItPromisedTo) {
   }
 }
 
+// A robot that sees nothing more makes no map: it flies to the end of what it announced and waits there until it sees.
+TEST(Faults, WhoIsBlindWaitsWhereItPromisedTo) {
+  if (kSanitized) GTEST_SKIP() << "scans take too long";
+  World world = make_world(Task::kCross, Environment::kPure, 5, 3);
+  world.sensor.kind = "lidar";
+  const auto fly_by_sight = [&](const std::string& kills) {
+    FlightOptions options;
+    options.kills = parse_kills(kills);
+    return run_lockstep(world, nullptr, options, {}, nullptr, nullptr, nullptr);
+  };
+  const RunReport usual = fly_by_sight(""), blind = fly_by_sight("perception:1@2-5");
+  for (const RunReport* report : {&usual, &blind}) {
+    EXPECT_EQ(report->outcome, Outcome::kSuccess) << summary_table(*report);
+    EXPECT_TRUE(report->touches.empty());
+  }
+  EXPECT_GT(blind.robots[1].verdict.flight_time_s.value_or(0.0), *usual.robots[1].verdict.flight_time_s + 1.0);
+}
+
 // The robots wait for a silent one, an obstacle comes: they get out of its way without its word.
 TEST(Faults, WhoeverWaitsForASilentPeerIsNotHit) {
   std::int64_t forced = 0;
@@ -103,6 +121,7 @@ TEST(Faults, WhoIsShovedOffItsCourseGoesOn) {
 
 TEST(Faults, KillsOfUnknownRobotsAreRefused) {
   EXPECT_THROW((void)fly("map:9@1"), OptionError);
+  EXPECT_THROW((void)fly("perception:0@1"), OptionError) << "it has none";
 }
 
 TEST(Faults, ClocksThatAreSetAreRead) {

@@ -16,8 +16,8 @@ struct Column {
   double bottom_m = 0.0, top_m = 1.8;
 };
 
-// One part, from a sensor at `origin` that is not turned: 18 beams within 29 degrees of the horizontal, 540 around. What meets nothing
-// is told as 20 m away. Without header.
+// One part, from a sensor at `origin` that is not turned: 18 beams within 29 degrees of the horizontal, 540 around.
+// What meets nothing is told as 20 m away. Without header.
 inline sogm_swarm::lidar_scan_t column_scan(const Eigen::Vector3d& origin, const std::vector<Column>& columns) {
   sogm_swarm::lidar_scan_t scan{};
   Eigen::Map<Eigen::Vector3d>(scan.position) = origin;

@@ -177,6 +177,7 @@ TEST(PerceptionNode, PeersAreMaskedWhileTheyAreHeard) {
 
 TEST(PerceptionNode, SaysWhatItWaitsFor) {
   Perceiving node;
+  EXPECT_EQ(node.node.activity(node.now).text, "waits for LIDAR_SCAN or DEPTH_IMAGE");
   EXPECT_TRUE(node.node.activity(node.now).waits);
   node.send(channel::kLidarScan, node.scan());
   EXPECT_FALSE(node.node.activity(node.now).waits);
