@@ -23,6 +23,10 @@ struct Inside {
 };
 Inside clipped(const Eigen::Vector3d& from, const Eigen::Vector3d& way, const Eigen::Vector3d& size) {
   Inside inside{0.0, 1.0};
+  const auto is_inside = [&size](const Eigen::Vector3d& place) {
+    return (place.array() >= 0.0).all() && (place.array() < size.array()).all();
+  };
+  if (is_inside(from) && is_inside(from + way)) return inside;
   for (int axis = 0; axis < 3; ++axis) {
     if (way[axis] == 0.0) {
       if (from[axis] < 0.0 || from[axis] >= size[axis]) return {1.0, 0.0};

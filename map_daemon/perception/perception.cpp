@@ -131,12 +131,18 @@ bool Perception::fit_track(const Expected& track, const RangeScan& scan, Piece* 
   if (piece->points.size() < kLeastPoints) return false;
   piece->is_cut = is_cut(piece->points, scan);
   const double noise_m = scan.noise_at((track.center - scan.origin.head<2>()).norm());
-  const RoundFit fit = fit_round(seen_from_above(piece->points), scan.origin.head<2>(),
-                                 prior_of(track.form->radius, piece->is_cut), noise_m);
+  RoundFit fit = fit_round(seen_from_above(piece->points), scan.origin.head<2>(),
+                           prior_of(track.form->radius, piece->is_cut), noise_m);
   const double share = static_cast<double>(fit.on_circle) / static_cast<double>(from_above_.size());
   piece->is_round = fit.converged && fit.rms_m <= kRound_rms * noise_m && fit.radius.radius_m <= kMaxRadius_m &&
                     (fit.center - track.center).norm() <= 2.0 * track.gate_m &&
                     share >= (track.form->is_round ? kLeastShare : kRoundShare);
+  if (!piece->is_round) {  // or something stands beside it
+    if (const auto found = find_round(from_above_, scan.origin.head<2>(), noise_m)) {
+      piece->is_round = (found->center - track.center).norm() <= 2.0 * track.gate_m;
+      fit = *found;
+    }
+  }
   if (piece->is_round) {
     std::vector<int> points = std::move(piece->points);
     piece->points.clear();

@@ -2,7 +2,10 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstdlib>
+#include <limits>
 #include <utility>
 
 namespace swarm {
@@ -12,40 +15,12 @@ using sogm_swarm::depth_image_t;
 using sogm_swarm::lidar_scan_t;
 
 constexpr double kPointUnit_m = 0.005;
-constexpr double kEdge_m = 0.1, kEdgeShare = 0.03;  // depths that differ by less belong together
-constexpr int kNeighbours = 2;                      // of four that a pixel has in common with what it lies on
+constexpr int kEdge_mm = 100, kEdgeShare = 33;  // depths that differ by less, and one part in so many, belong together
+constexpr int kNeighbours = 2;                  // of four that a pixel has in common with what it lies on
 
 Eigen::Matrix3d rotation(const double (&q)[4]) {
   return Eigen::Quaterniond(q[0], q[1], q[2], q[3]).normalized().toRotationMatrix();
 }
-
-// Depths of an image in metres; 0: nothing was measured.
-class Depths {
- public:
-  explicit Depths(const depth_image_t& image)
-      : image_(image), width_(image.width), height_(image.num_pixels / image.width) {}
-  int width() const { return width_; }
-  int height() const { return height_; }
-  double operator()(int x, int y) const {
-    if (x < 0 || y < 0 || x >= width_ || y >= height_) return 0.0;
-    return 1e-3 * image_.depth_mm[static_cast<std::size_t>(y * width_ + x)];
-  }
-  bool is_on_edge(int x, int y) const {
-    const double depth = (*this)(x, y), apart = kEdge_m + kEdgeShare * depth;
-    int alike = 0, around = 0;
-    for (const auto& [dx, dy] : {std::pair{-1, 0}, {1, 0}, {0, -1}, {0, 1}}) {
-      const double other = (*this)(x + dx, y + dy);
-      if (other == 0.0) continue;
-      ++around;
-      if (std::abs(other - depth) < apart) ++alike;
-    }
-    return alike < std::min(kNeighbours, around);
-  }
-
- private:
-  const depth_image_t& image_;
-  int width_, height_;
-};
 
 // How far a ray is free, at most as far as is looked, and whether it ends on a surface that is told.
 struct RayEnd {
@@ -55,6 +30,128 @@ struct RayEnd {
 RayEnd end_of(double distance_m, double range_m) {
   return {std::min(distance_m, range_m), distance_m <= range_m + RangeScan::kBeyond_m};
 }
+
+// Reads an image in blocks of 8 x 8 pixels.
+class DepthReader {
+ public:
+  DepthReader(const depth_image_t& image, const ScanConfig& config, double resolution_m, RangeScan* scan)
+      : image_(image),
+        config_(config),
+        least_m_(0.5 * resolution_m),
+        width_(image.width),
+        height_(image.num_pixels / image.width),
+        scan_(*scan) {
+    const Eigen::Matrix3d to_world = rotation(image.orientation);
+    right_ = to_world.col(0) / double{image.focal_px[0]};
+    down_ = to_world.col(1) / double{image.focal_px[1]};
+    corner_ = to_world.col(2) - double{image.center_px[0]} * right_ - double{image.center_px[1]} * down_;
+    const double apart_m = kApart * resolution_m * std::min(image.focal_px[0], image.focal_px[1]);
+    for (std::size_t level = 1; level < reach_m_.size(); ++level) reach_m_[level] = apart_m / (1 << level);
+  }
+
+  void read() {
+    for (int y = 0; y < height_; y += kEdge) {
+      for (int x = 0; x < width_; x += kEdge) {
+        read_block(x, y);
+        tell({x, y}, kLevels - 1, 0, 0, 0.0);
+      }
+    }
+  }
+
+ private:
+  static constexpr int kLevels = 4, kEdge = 1 << (kLevels - 1);
+
+  int pixel(int x, int y) const { return image_.depth_mm[static_cast<std::size_t>(y * width_ + x)]; }
+  // Through the middle of a pixel, as long as its depth is 1.
+  Eigen::Vector3d direction(double x, double y) const { return corner_ + x * right_ + y * down_; }
+  // Of the part of the block at hand that is the i-th down and the j-th to the right of those with 2^level pixels along
+  // each edge.
+  double& free_m(int level, int i, int j) {
+    return free_m_[static_cast<std::size_t>(level)][static_cast<std::size_t>((i << (kLevels - 1 - level)) + j)];
+  }
+
+  bool is_on_edge(int x, int y, int depth) const {
+    int alike = 0, around = 0;
+    const auto look_at = [&](int other) {
+      around += other != 0 ? 1 : 0;
+      alike += other != 0 && std::abs(other - depth) < kEdge_mm + depth / kEdgeShare ? 1 : 0;
+    };
+    if (x > 0) look_at(pixel(x - 1, y));
+    if (x + 1 < width_) look_at(pixel(x + 1, y));
+    if (y > 0) look_at(pixel(x, y - 1));
+    if (y + 1 < height_) look_at(pixel(x, y + 1));
+    return alike < std::min(kNeighbours, around);
+  }
+
+  void read_block(int x0, int y0) {
+    for (int i = 0; i < kEdge; i += 2)
+      for (int j = 0; j < kEdge; j += 2) free_m(1, i / 2, j / 2) = read_four(x0, y0, i, j);
+    for (int level = 2; level < kLevels; ++level) {
+      const int size = 1 << level;
+      for (int i = 0; i < kEdge / size; ++i) {
+        for (int j = 0; j < kEdge / size; ++j) {
+          const bool is_whole = x0 + (j + 1) * size <= width_ && y0 + (i + 1) * size <= height_;
+          const auto part = [&](int k, int l) { return free_m(level - 1, 2 * i + k, 2 * j + l); };
+          free_m(level, i, j) = is_whole ? std::min({part(0, 0), part(0, 1), part(1, 0), part(1, 1)}) : 0.0;
+        }
+      }
+    }
+  }
+
+  // How deep all four pixels, as far as they measured anything, are free.
+  double read_four(int x0, int y0, int i0, int j0) {
+    double shared_m = 0.0;
+    for (int k = 0; k < 4; ++k) {
+      const int i = i0 + k / 2, j = j0 + k % 2, x = x0 + j, y = y0 + i;
+      free_m(0, i, j) = 0.0;
+      const int depth = x < width_ && y < height_ ? pixel(x, y) : 0;
+      if (depth == 0) continue;
+      const bool is_first = shared_m == 0.0;
+      ++scan_.measured;
+      const Eigen::Vector3d ahead = direction(x, y);
+      const double length = ahead.norm(), distance_m = 1e-3 * depth * length;
+      if (distance_m < config_.least_range_m) {  // and hides what is behind
+        shared_m = kHidden;
+        continue;
+      }
+      const RayEnd end = end_of(distance_m, config_.depth_range_m);
+      const double depth_m = end.free_m / length;
+      shared_m = is_first ? depth_m : std::min(shared_m, depth_m);
+      if (is_on_edge(x, y, depth)) continue;
+      if (end.is_surface) scan_.surfaces.push_back(scan_.origin + 1e-3 * depth * ahead);
+      const bool is_told_beside = (k == 1 || k == 2) && j0 + x0 + 1 < width_;  // by the two on the diagonal
+      if (!is_told_beside) free_m(0, i, j) = depth_m;
+    }
+    return shared_m;
+  }
+
+  // What a part of the block passes from a depth on: one ray tells it as deep as all of the part is free, and where it
+  // is hardly wider than a voxel; then its parts do.
+  void tell(const Eigen::Vector2i& at, int level, int i, int j, double from_m) {
+    const double end_m = std::min(free_m(level, i, j), reach_m_[static_cast<std::size_t>(level)]);
+    if (end_m > from_m + least_m_) {
+      const int size = 1 << level;
+      const Eigen::Vector3d ahead =
+          direction(at.x() + j * size + 0.5 * (size - 1), at.y() + i * size + 0.5 * (size - 1));
+      scan_.free.push_back({scan_.origin + from_m * ahead, scan_.origin + end_m * ahead});
+      from_m = end_m;
+    }
+    if (level == 0) return;
+    for (int k = 0; k < 4; ++k) tell(at, level - 1, 2 * i + k / 2, 2 * j + k % 2, from_m);
+  }
+
+  static constexpr double kApart = 1.25;   // voxels that rays are apart at most
+  static constexpr double kHidden = -1.0;  // nothing is free
+
+  const depth_image_t& image_;
+  const ScanConfig& config_;
+  double least_m_;  // what a ray adds
+  int width_, height_;
+  RangeScan& scan_;
+  Eigen::Vector3d corner_, right_, down_;  // to the first pixel, and from each to the next
+  std::array<double, kLevels> reach_m_{std::numeric_limits<double>::infinity()};
+  std::array<std::array<double, kEdge * kEdge>, kLevels> free_m_{};
+};
 
 }  // namespace
 
@@ -68,48 +165,11 @@ void read_scan(const depth_image_t& image, const ScanConfig& config, double reso
   scan->clear();
   scan->utime = to_utime(image.header.utime);
   scan->origin = Eigen::Vector3d(image.position);
-  const Eigen::Matrix3d to_world = rotation(image.orientation);
-  const Depths depths(image);
   scan->rays = image.num_pixels;
   scan->range_m = config.depth_range_m;
   scan->noise_m = config.depth_noise_m;
   scan->noise_per_m = config.depth_noise_per_m;
-  // Two pixels are a voxel apart at this depth.
-  const double block_m = resolution_m * std::min(image.focal_px[0], image.focal_px[1]) / 2.0;
-  const auto direction = [&](double x, double y) {
-    return Eigen::Vector3d(to_world * Eigen::Vector3d((x - double{image.center_px[0]}) / double{image.focal_px[0]},
-                                                      (y - double{image.center_px[1]}) / double{image.focal_px[1]},
-                                                      1.0));
-  };
-  for (int y = 0; y < depths.height(); y += 2) {
-    for (int x = 0; x < depths.width(); x += 2) {
-      double shared_m = block_m;  // all four pixels are free as deep as that
-      int seen = 0;
-      for (int i = 0; i < 4; ++i) {
-        const int px = x + i % 2, py = y + i / 2;
-        const double depth_m = depths(px, py);
-        if (depth_m == 0.0) continue;
-        ++scan->measured;
-        ++seen;
-        const Eigen::Vector3d ahead = direction(px, py);
-        const double length = ahead.norm(), distance_m = depth_m * length;
-        if (distance_m < config.least_range_m) {  // and hides what is behind
-          shared_m = 0.0;
-          continue;
-        }
-        const RayEnd end = end_of(distance_m, config.depth_range_m);
-        const double free_depth_m = end.free_m / length;
-        shared_m = std::min(shared_m, free_depth_m);
-        if (depths.is_on_edge(px, py)) continue;
-        if (end.is_surface) scan->surfaces.push_back(scan->origin + depth_m * ahead);
-        const bool is_told_beside = (i == 1 || i == 2) && px + 1 < depths.width();  // by the two on the diagonal
-        if (free_depth_m > block_m && !is_told_beside)
-          scan->free.push_back({scan->origin + block_m * ahead, scan->origin + free_depth_m * ahead});
-      }
-      if (seen > 0 && shared_m > 0.0)
-        scan->free.push_back({scan->origin, scan->origin + shared_m * direction(x + 0.5, y + 0.5)});
-    }
-  }
+  DepthReader(image, config, resolution_m, scan).read();
 }
 
 ScanAssembler::Result ScanAssembler::add(const lidar_scan_t& part) {
