@@ -37,7 +37,13 @@ void ClusterFinder::collect_runs(const FreeSpaceGrid& grid) {
     const Eigen::Vector2i place = grid.place_of(column);
     cell(place.x(), place.y()) = static_cast<int>(runs_.size());
     std::uint64_t rest = grid.surfaces(column);
-    const std::uint64_t ever_free = grid.ever_free(column);
+    // What stands seems to step to and fro by a voxel, where poses err.
+    std::uint64_t beside = 0;
+    for (int x = std::max(place.x() - 1, 0); x <= std::min(place.x() + 1, kEdge - 1); ++x)
+      for (int y = std::max(place.y() - 1, 0); y <= std::min(place.y() + 1, kEdge - 1); ++y)
+        beside |= grid.lasting(grid.column_of(x, y));
+    beside |= beside << 1 | beside >> 1;
+    const std::uint64_t was_free = grid.ever_free(column) & ~beside;
     while (rest != 0) {
       const int low = std::countr_zero(rest);
       int high = low;
@@ -45,7 +51,7 @@ void ClusterFinder::collect_runs(const FreeSpaceGrid& grid) {
         if ((rest >> next & 1) != 0) high = next;
       const std::uint64_t span = (~std::uint64_t{0} >> (63 - (high - low))) << low;
       const std::uint64_t bits = rest & span;
-      runs_.push_back({place.x(), place.y(), low, high, bits, bits & ever_free, static_cast<int>(runs_.size()), false});
+      runs_.push_back({place.x(), place.y(), low, high, bits, bits & was_free, static_cast<int>(runs_.size()), false});
       rest &= ~span;
     }
   }
@@ -103,7 +109,6 @@ const std::vector<Cluster>& ClusterFinder::find(const FreeSpaceGrid& grid, std::
     Cluster& cluster = clusters_[static_cast<std::size_t>(number)];
     ++cluster.num_columns;
     cluster.voxels += std::popcount(run.bits);
-    cluster.moved_voxels += std::popcount(run.moved);
     const int column = grid.column_of(run.x, run.y);
     const std::uint64_t free = grid.free(column);
     const auto is_open = [free](int first, int last) {
@@ -114,6 +119,7 @@ const std::vector<Cluster>& ClusterFinder::find(const FreeSpaceGrid& grid, std::
     if (is_open(run.high + 1, run.high + kBeside)) ++cluster.open_above;
     if (is_open(run.low - kBeside, run.low - 1)) ++cluster.open_below;
   }
+  has_moved_.assign(places.size(), 0);
   for (std::size_t i = 0; i < places.size(); ++i) {
     const Eigen::Vector3i voxel = grid.geometry().voxel_of(places[i]);
     if (!grid.geometry().contains(voxel)) continue;
@@ -123,6 +129,7 @@ const std::vector<Cluster>& ClusterFinder::find(const FreeSpaceGrid& grid, std::
       if (run.x != voxel.x() || run.y != voxel.y()) break;
       if (voxel.z() > run.high) continue;
       if (cluster_of_run_[r] < 0) break;
+      has_moved_[i] = (run.moved >> voxel.z() & 1) != 0 ? 1 : 0;
       Cluster& cluster = clusters_[static_cast<std::size_t>(cluster_of_run_[r])];
       if (cluster.points.empty()) cluster.low = cluster.high = places[i];
       cluster.points.push_back(static_cast<int>(i));

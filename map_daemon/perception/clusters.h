@@ -11,10 +11,10 @@
 namespace swarm {
 
 struct Cluster {
-  std::vector<int> points;                            // indices of the scan's surfaces
-  Eigen::Vector3d low, high;                          // of them, W [m]
-  int num_columns = 0, moved_voxels = 0, voxels = 0;  // moved: that were free before
-  int open_above = 0, open_below = 0;                 // columns above and below which nothing is seen to be free
+  std::vector<int> points;             // indices of the scan's surfaces
+  Eigen::Vector3d low, high;           // of them, W [m]
+  int num_columns = 0, voxels = 0;     // that they are in
+  int open_above = 0, open_below = 0;  // columns above and below which nothing is seen to be free
 };
 
 class ClusterFinder {
@@ -22,6 +22,9 @@ class ClusterFinder {
   // Of the surfaces that `grid` was shown in this scan, by what it knew before; `places` are these. Left out are what
   // is flat and was never free (the ground), what a single ray met, and what is too far. Valid until the next call.
   const std::vector<Cluster>& find(const FreeSpaceGrid& grid, std::span<const Eigen::Vector3d> places);
+
+  // One of these places: nothing was there before, and nothing stood beside it.
+  bool has_moved(int point) const { return has_moved_[static_cast<std::size_t>(point)] != 0; }
 
  private:
   // Voxels of one column that hang together, in the window of the grid.
@@ -45,6 +48,7 @@ class ClusterFinder {
   std::vector<int> first_run_;  // of a column, or -1
   std::vector<int> cluster_of_run_;
   std::vector<Cluster> clusters_;
+  std::vector<char> has_moved_;  // of each place
 };
 
 }  // namespace swarm

@@ -50,6 +50,11 @@ class FreeSpaceGrid {
   std::uint64_t occupied(int column) const { return turned(column_at(column).occupied()); }
   // Was free in ten scans one after the other, and not occupied for four seconds since.
   std::uint64_t ever_free(int column) const { return turned(column_at(column).ever_free); }
+  // Occupied for two to four seconds.
+  std::uint64_t lasting(int column) const {
+    const Column& known = column_at(column);
+    return turned(known.lasting & known.lasting_before);
+  }
   std::uint64_t seen(int column) const { return turned(column_at(column).seen()); }
 
  private:

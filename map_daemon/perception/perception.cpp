@@ -14,7 +14,10 @@ constexpr double kGate_m = 0.25;  // from where a track's surface should be to p
 constexpr double kMaxRadius_m = 0.8;
 constexpr double kRound_rms = 2.5;  // times the noise: then it is round
 constexpr double kLeastShare = 0.3,
-                 kRoundShare = 0.8;              // of the points on the circle: of a track that is known, of a new one
+                 kRoundShare = 0.8;  // of the points on the circle: of a track that is known, of a new one
+constexpr double kCurved = 1.5, kSurelyCurved = 4.0;  // of what ends at both sides, or at one
+constexpr double kSmall_m = 0.5;
+constexpr double kLeft_m = 0.15;                 // so far from where it was seen first it moves for certain
 constexpr double kWellKnown = 40.0;              // points that measured a radius
 constexpr double kBeside_m = 0.15;               // what is so far from a circle is something else
 constexpr int kMaxRounds = 6;                    // columns that are found in one cluster
@@ -44,13 +47,16 @@ void Perception::update(const RangeScan& scan, std::span<const PeerMask::Ball> r
   expect_tracks(scan.utime);
   pieces_.clear();
   for (const Cluster& cluster : finder_.find(grid_, surfaces_)) divide(cluster, scan);
-  report_.header = header;
-  report_.header.utime = to_us(scan.utime);
-  report_.complete = false;
-  report_.obstacles.clear();
+  for (sogm_swarm::obstacles_t* report : {&seen_, &report_}) {
+    report->header = header;
+    report->header.utime = to_us(scan.utime);
+    report->complete = false;
+    report->obstacles.clear();
+  }
   for (const Piece& piece : pieces_) report_piece(piece, scan);
-  report_.num_obstacles = static_cast<std::int32_t>(report_.obstacles.size());
-  tracker_.update(report_);
+  for (sogm_swarm::obstacles_t* report : {&seen_, &report_})
+    report->num_obstacles = static_cast<std::int32_t>(report->obstacles.size());
+  tracker_.update(seen_);
   tracker_.forget(scan.utime, 1s);
   mark_moving();
   grid_.finish(scan.utime);
@@ -129,7 +135,7 @@ void Perception::divide(const Cluster& cluster, const RangeScan& scan) {
 
 bool Perception::fit_track(const Expected& track, const RangeScan& scan, Piece* piece, std::vector<int>* left) {
   if (piece->points.size() < kLeastPoints) return false;
-  piece->is_cut = is_cut(piece->points, scan);
+  piece->is_cut = sides_of(piece->points, scan).free < 2;
   const double noise_m = scan.noise_at((track.center - scan.origin.head<2>()).norm());
   RoundFit fit = fit_round(seen_from_above(piece->points), scan.origin.head<2>(),
                            prior_of(track.form->radius, piece->is_cut), noise_m);
@@ -148,7 +154,7 @@ bool Perception::fit_track(const Expected& track, const RangeScan& scan, Piece* 
     piece->points.clear();
     take_round(fit, &points, piece);
     left->insert(left->end(), points.begin(), points.end());
-    return true;
+    return piece->points.size() >= kLeastPoints && may_move(fit, scan, piece);
   }
   if (track.form->is_round && track.form->radius.weight > kWellKnown) {  // something else is there
     left->insert(left->end(), piece->points.begin(), piece->points.end());
@@ -159,7 +165,7 @@ bool Perception::fit_track(const Expected& track, const RangeScan& scan, Piece* 
     if (is_off) left->push_back(point);
     return is_off;
   });
-  if (piece->points.size() < kLeastPoints) return false;
+  if (piece->points.size() < kLeastPoints || !has_moved(piece->points)) return false;
   surround(piece);
   return true;
 }
@@ -174,8 +180,7 @@ void Perception::add_new_pieces(const Cluster& cluster, const RangeScan& scan, s
   if (fit_new(scan, &whole)) return pieces_.push_back(std::move(whole));
   add_rounds(cluster, scan, &whole.points);
   // What stands is drawn as it was seen.
-  if (whole.points.size() >= kLeastPoints && 2 * cluster.moved_voxels >= cluster.voxels)
-    add_tiles(cluster, whole.points);
+  if (whole.points.size() >= kLeastPoints && has_moved(whole.points)) add_tiles(cluster, whole.points);
 }
 
 void Perception::add_rounds(const Cluster& cluster, const RangeScan& scan, std::vector<int>* points) {
@@ -186,7 +191,7 @@ void Perception::add_rounds(const Cluster& cluster, const RangeScan& scan, std::
     if (!fit) return;
     Piece piece{.id = kNew, .points = {}, .cluster = &cluster};
     take_round(*fit, points, &piece);
-    if (piece.points.size() >= kLeastPoints) pieces_.push_back(std::move(piece));
+    if (piece.points.size() >= kLeastPoints && may_move(*fit, scan, &piece)) pieces_.push_back(std::move(piece));
   }
 }
 
@@ -229,7 +234,7 @@ void Perception::add_tiles(const Cluster& cluster, const std::vector<int>& point
 bool Perception::fit_new(const RangeScan& scan, Piece* piece) {
   const std::span<const Eigen::Vector2d> places = seen_from_above(piece->points);
   const double noise_m = scan.noise_at((places[0] - scan.origin.head<2>()).norm());
-  piece->is_cut = is_cut(piece->points, scan);
+  piece->is_cut = sides_of(piece->points, scan).free < 2;
   const RoundFit fit = fit_round(places, scan.origin.head<2>(), prior_of({}, piece->is_cut), noise_m);
   const double share = static_cast<double>(fit.on_circle) / static_cast<double>(from_above_.size());
   piece->is_round =
@@ -237,7 +242,40 @@ bool Perception::fit_new(const RangeScan& scan, Piece* piece) {
   piece->center = fit.center;
   piece->sigma_m = fit.sigma_m;
   piece->radius = fit.radius;
-  return piece->is_round;
+  return piece->is_round && may_move(fit, scan, piece);
+}
+
+bool Perception::has_moved(const std::vector<int>& points) const {
+  return 2 * std::ranges::count_if(points, [this](int point) { return finder_.has_moved(point); }) >=
+         std::ssize(points);
+}
+
+// Walls are full of what could be a side of a column: what was always there must be seen to end.
+bool Perception::may_move(const RoundFit& fit, const RangeScan& scan, Piece* piece) {
+  const Sides sides = sides_of(piece->points, scan);
+  piece->is_cut = sides.free < 2;
+  if (has_moved(piece->points)) return true;
+  const double curved = curvature(seen_from_above(piece->points), fit);
+  piece->is_alone = sides.free == 2 && curved > kSurelyCurved;
+  if (sides.free == 2) return curved > kCurved;
+  const Eigen::Vector3d size = piece->cluster->high - piece->cluster->low;
+  return sides.free == 1 && (sides.out_of_view > 0 || curved > kSurelyCurved || size.head<2>().norm() < kSmall_m);
+}
+
+// What stands is seen in other parts from every place, and these seem to move.
+bool Perception::has_left(const Piece& piece, const Form& form) const {
+  const auto track = std::ranges::find(tracker_.tracks(), piece.id, &Track::id);
+  return track != tracker_.tracks().end() && moves(*track) && (piece.center - form.first).norm() > kLeft_m &&
+         !has_stood(piece);
+}
+
+// For two seconds at least.
+bool Perception::has_stood(const Piece& piece) const {
+  const auto stood = std::ranges::count_if(piece.points, [this](int point) {
+    const Eigen::Vector3i voxel = grid_.geometry().voxel_of(surfaces_[static_cast<std::size_t>(point)]);
+    return (grid_.lasting(grid_.column_of(voxel.x(), voxel.y())) >> voxel.z() & 1) != 0;
+  });
+  return 2 * stood >= std::ssize(piece.points);
 }
 
 // A circle around all of it.
@@ -261,21 +299,35 @@ std::span<const Eigen::Vector2d> Perception::seen_from_above(const std::vector<i
   return from_above_;
 }
 
-bool Perception::is_cut(const std::vector<int>& points, const RangeScan& scan) const {
+Perception::Sides Perception::sides_of(const std::vector<int>& points, const RangeScan& scan) const {
   const auto place = [this](int point) -> const Eigen::Vector3d& { return surfaces_[static_cast<std::size_t>(point)]; };
   const Eigen::Vector2d ahead = (place(points[points.size() / 2]) - scan.origin).head<2>().normalized();
   const Eigen::Vector2d aside(-ahead.y(), ahead.x());
   const auto [right, left] = std::ranges::minmax(
       points, {}, [&](int point) { return aside.dot(place(point).head<2>() - scan.origin.head<2>()); });
   const GridGeometry& window = grid_.geometry();
-  const auto is_free = [&](const Eigen::Vector3d& beside) {
-    const Eigen::Vector3i voxel = window.voxel_of(beside);
-    if (!window.contains(voxel)) return false;
-    const std::uint64_t around = std::uint64_t{0x1f} << std::max(voxel.z() - 2, 0);
-    return (grid_.free(grid_.column_of(voxel.x(), voxel.y())) & around) != 0;
+  Sides sides;
+  const auto look_beside = [&](const Eigen::Vector3d& end, const Eigen::Vector2d& way) {
+    bool free = false, out_of_view = false;
+    for (const double beside_m : {kAround_m, kAround_m + window.resolution_m}) {
+      Eigen::Vector3d beside = end;
+      beside.head<2>() += beside_m * way;
+      const Eigen::Vector3i voxel = window.voxel_of(beside);
+      if (!window.contains(voxel)) continue;
+      const std::uint64_t around = std::uint64_t{0x1f} << std::max(voxel.z() - 2, 0);
+      const int column = grid_.column_of(voxel.x(), voxel.y());
+      free = free || (grid_.free(column) & around) != 0;
+      out_of_view = out_of_view || !scan.sees(beside);
+    }
+    if (free) {
+      ++sides.free;
+    } else if (out_of_view) {
+      ++sides.out_of_view;
+    }
   };
-  const Eigen::Vector3d step(kAround_m * aside.x(), kAround_m * aside.y(), 0.0);
-  return !is_free(place(left) + step) || !is_free(place(right) - step);
+  look_beside(place(left), aside);
+  look_beside(place(right), -aside);
+  return sides;
 }
 
 RadiusPrior Perception::prior_of(const RadiusPrior& known, bool cut) {
@@ -321,8 +373,19 @@ void Perception::report_piece(const Piece& piece, const RangeScan& scan) {
   obstacle.position_sigma =
       static_cast<float>(std::sqrt(sigma_m * sigma_m + config_.pose_m * config_.pose_m + turned_m * turned_m));
   obstacle.velocity_sigma = -1.0f;
+  if (piece.id == kNew) form.first = piece.center;
+  seen_.obstacles.push_back(obstacle);
+  const bool has_gone = has_left(piece, form), was_told = std::exchange(form.is_told, false);
+  form.moved = form.moved || has_gone || has_moved(piece.points);
+  // What could go at any moment is told of until it is seen to stay.
+  form.is_told = form.moved || (piece.is_alone && !has_stood(piece));
+  if (has_gone && !was_told) {  // how fast is known already
+    const Track& track = *std::ranges::find(tracker_.tracks(), piece.id, &Track::id);
+    Eigen::Map<Eigen::Vector3d>(obstacle.velocity) = track.obstacle.velocity;
+    obstacle.velocity_sigma = static_cast<float>(velocity_sigma_mps(track));
+  }
+  if (form.is_told) report_.obstacles.push_back(obstacle);
   forms_[obstacle.id] = form;
-  report_.obstacles.push_back(obstacle);
 }
 
 void Perception::mark_moving() {
@@ -330,8 +393,8 @@ void Perception::mark_moving() {
     return std::ranges::none_of(tracker_.tracks(), [&](const Track& track) { return track.id == entry.first; });
   });
   for (std::size_t i = 0; i < pieces_.size(); ++i) {
-    const auto track = std::ranges::find(tracker_.tracks(), report_.obstacles[i].id, &Track::id);
-    if (track == tracker_.tracks().end() || !moves(*track)) continue;
+    const auto track = std::ranges::find(tracker_.tracks(), seen_.obstacles[i].id, &Track::id);
+    if (track == tracker_.tracks().end() || !is_moving(*track)) continue;
     for (const int point : pieces_[i].points) grid_.mark_moving(surfaces_[static_cast<std::size_t>(point)]);
   }
 }
@@ -349,7 +412,7 @@ void Perception::draw_seen_space(Utime utime) {
   // What moves is drawn by its track: its surfaces of a moment ago are no walls.
   const GridGeometry& window = grid_.geometry();
   for (const Track& track : tracker_.tracks()) {
-    if (!moves(track)) continue;
+    if (!is_moving(track)) continue;
     const double dt_s = to_seconds(utime - track.obstacle.utime);
     const Eigen::Vector3d center = track.obstacle.position + dt_s * track.obstacle.velocity;
     const double reach_m = track.obstacle.shape.size.x() / 2 + kAround_m, half_m = track.obstacle.shape.size.y() / 2;

@@ -36,12 +36,19 @@ class Perception {
   // One scan. `robots`: what in it is no obstacle. `header`: of the report.
   void update(const RangeScan& scan, std::span<const PeerMask::Ball> robots, const sogm_swarm::header_t& header);
 
-  // The obstacles that the newest scan saw: columns, with no velocities, by the ids of their tracks.
+  // The obstacles that the newest scan saw: columns, by the ids of their tracks. What never moved is tracked, but is no
+  // obstacle yet: it stands, see below. They have no velocities but for the first report of what was tracked before.
   const sogm_swarm::obstacles_t& report() const { return report_; }
-  // Two frames: what stands (without what moves), and what was not seen.
+  // Two frames: what stands (what moves is left out), and what was not seen.
   const Sogm& seen_space() const { return seen_space_; }
   const Tracker& tracker() const { return tracker_; }
   const FreeSpaceGrid& grid() const { return grid_; }
+  // A track that is in reports; and moves.
+  bool is_told(const Track& track) const {
+    const auto form = forms_.find(track.id);
+    return form != forms_.end() && form->second.is_told;
+  }
+  bool is_moving(const Track& track) const { return is_told(track) && moves(track); }
   int points() const { return static_cast<int>(surfaces_.size()) + masked_; }
   int masked() const { return masked_; }
   // Where the sensors were is not known any more.
@@ -53,6 +60,9 @@ class Perception {
   // What a track's shape was found to be.
   struct Form {
     bool is_round = false;
+    Eigen::Vector2d first = Eigen::Vector2d::Zero();  // where it was seen first, W [m]
+    bool moved = false;                               // at some time since
+    bool is_told = false;                             // in the newest report
     RadiusPrior radius;
     double top_m = 0.0, bottom_m = 0.0;
     bool has_top = false, has_bottom = false;  // seen to end there
@@ -72,7 +82,8 @@ class Perception {
     double sigma_m = 0.0;                              // of it
     RadiusPrior radius{};
     bool is_round = false;
-    bool is_cut = false;  // nothing was seen beside one of its sides
+    bool is_cut = false;    // nothing was seen beside one of its sides
+    bool is_alone = false;  // it is seen to be free on both, and is round for certain
   };
 
   void look(const RangeScan& scan, std::span<const PeerMask::Ball> robots);
@@ -85,10 +96,18 @@ class Perception {
   void add_rounds(const Cluster& cluster, const RangeScan& scan, std::vector<int>* points);
   void take_round(const RoundFit& fit, std::vector<int>* points, Piece* piece);
   void add_tiles(const Cluster& cluster, const std::vector<int>& points);
-  // Whether nothing was seen beside one side of these points: they may go on there.
-  bool is_cut(const std::vector<int>& points, const RangeScan& scan) const;
+  // Beside how many of the two sides of these points it is seen to be free, and beside how many the sensor does not
+  // look.
+  struct Sides {
+    int free = 0, out_of_view = 0;
+  };
+  Sides sides_of(const std::vector<int>& points, const RangeScan& scan) const;
   static RadiusPrior prior_of(const RadiusPrior& known, bool cut);
   bool fit_new(const RangeScan& scan, Piece* piece);
+  bool has_moved(const std::vector<int>& points) const;
+  bool has_left(const Piece& piece, const Form& form) const;
+  bool has_stood(const Piece& piece) const;
+  bool may_move(const RoundFit& fit, const RangeScan& scan, Piece* piece);
   void surround(Piece* piece);
   void report_piece(const Piece& piece, const RangeScan& scan);
   void mark_moving();
@@ -108,7 +127,7 @@ class Perception {
   std::vector<Expected> expected_;
   std::vector<Piece> pieces_;
   std::vector<Eigen::Vector2d> from_above_;
-  sogm_swarm::obstacles_t report_{};
+  sogm_swarm::obstacles_t seen_{}, report_{};  // with what is only tracked, and without
   Sogm seen_space_;
 };
 

@@ -210,7 +210,8 @@ void PerceptionNode::publish_status(Utime now, Outbox& outbox) {
   status.scan_ms = publish_durations_ ? static_cast<float>(scan_ms_) : 0.0f;
   status.points = perception_.points();
   status.masked = perception_.masked();
-  for (const Track& track : perception_.tracker().tracks()) ++(moves(track) ? status.moving : status.standing);
+  for (const Track& track : perception_.tracker().tracks())
+    ++(perception_.is_moving(track) ? status.moving : status.standing);
   status.jumps = jumps_;
   status.blind = blind_;
   refused_.copy_to(status.refused);

@@ -169,6 +169,13 @@ void read_scan(const depth_image_t& image, const ScanConfig& config, double reso
   scan->range_m = config.depth_range_m;
   scan->noise_m = config.depth_noise_m;
   scan->noise_per_m = config.depth_noise_per_m;
+  const Eigen::Array2d focal(double{image.focal_px[0]}, double{image.focal_px[1]});
+  const Eigen::Array2d center(double{image.center_px[0]}, double{image.center_px[1]});
+  const int height = image.num_pixels / image.width;
+  scan->is_image = true;
+  scan->to_camera = rotation(image.orientation).transpose();
+  scan->low = -center / focal;
+  scan->high = (Eigen::Array2d(image.width - 1, height - 1) - center) / focal;
   DepthReader(image, config, resolution_m, scan).read();
 }
 
@@ -193,6 +200,7 @@ void read_scan(const std::vector<lidar_scan_t>& parts, const ScanConfig& config,
   scan->range_m = config.lidar_range_m;
   scan->noise_m = config.lidar_noise_m;
   scan->noise_per_m = 0.0;
+  scan->is_image = false;
   const Eigen::Matrix3d to_world = kPointUnit_m * rotation(parts[0].orientation);
   // A ray that is within half a voxel of the one that last told what is free tells nothing new.
   const double beside = 0.5 * resolution_m / config.lidar_range_m, told_cosine = 1.0 - 0.5 * beside * beside;

@@ -34,6 +34,16 @@ struct RangeScan {
   int measured = 0, rays = 0;                        // of all rays so many told a distance, however far
   double noise_m = 0.0, noise_per_m = 0.0;           // standard deviation of a range, the second times its square
 
+  // Of a camera: from W to its frame, whose z is ahead, and what it sees of x/z and y/z. A LiDAR sees all around.
+  bool is_image = false;
+  Eigen::Matrix3d to_camera = Eigen::Matrix3d::Identity();
+  Eigen::Array2d low = Eigen::Array2d::Zero(), high = Eigen::Array2d::Zero();
+
+  bool sees(const Eigen::Vector3d& place) const {
+    if (!is_image) return true;
+    const Eigen::Array3d at = to_camera * (place - origin);
+    return at.z() > 0.0 && (at.head<2>() >= at.z() * low).all() && (at.head<2>() <= at.z() * high).all();
+  }
   double noise_at(double range) const { return noise_m + noise_per_m * range * range; }
 
   void clear();

@@ -95,6 +95,21 @@ RoundFit fit_round(std::span<const Eigen::Vector2d> points, const Eigen::Vector2
   return fit;
 }
 
+double curvature(std::span<const Eigen::Vector2d> points, const RoundFit& fit) {
+  Eigen::Vector2d mean = Eigen::Vector2d::Zero();
+  for (const Eigen::Vector2d& point : points) mean += point / static_cast<double>(points.size());
+  Eigen::Matrix2d squares = Eigen::Matrix2d::Zero();
+  double around_circle2 = 0.0;
+  for (const Eigen::Vector2d& point : points) {
+    squares += (point - mean) * (point - mean).transpose();
+    const double error = (point - fit.center).norm() - fit.radius.radius_m;
+    around_circle2 += error * error;
+  }
+  const double half = 0.5 * squares.trace();
+  const double around_line2 = half - std::sqrt(std::max(half * half - squares.determinant(), 0.0));
+  return around_line2 / std::max(around_circle2, 1e-12);
+}
+
 namespace {
 
 constexpr int kTries = 80;

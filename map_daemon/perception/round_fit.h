@@ -31,6 +31,10 @@ inline constexpr double kOnCircle = 4.0;
 RoundFit fit_round(std::span<const Eigen::Vector2d> points, const Eigen::Vector2d& sensor, const RadiusPrior& prior,
                    double noise_m);
 
+// How many times more `points` vary around the best line than around this circle: little, if they may be of something
+// flat.
+double curvature(std::span<const Eigen::Vector2d> points, const RoundFit& fit);
+
 // Columns that stand so close together that they were taken for one thing: the one that most of `points` lie on, if
 // there is one. It bulges towards the sensor, nothing is seen inside of it, and of its side enough to tell it from a
 // wall.

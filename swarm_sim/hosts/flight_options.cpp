@@ -9,12 +9,16 @@ namespace {
 
 constexpr double kSideRoom_m = 1.0;
 
+std::string known_map(const World& world) {
+  return world.sensor.known_map == "none" ? std::string() : world.static_map.string();
+}
+
 }  // namespace
 
 MapConfig map_config(const World& world, const WorldRobot& robot, const FlightOptions& options) {
   MapConfig config = options.map;
   config.robot_id = robot.id;
-  config.static_map = world.static_map;
+  config.static_map = known_map(world);
   config.v_max_mps = limits_of(world, robot).v_max_mps;
   config.a_max_mps2 = limits_of(world, robot).stopping_mps2();
   if (world.sensor.is_ranging()) config.perception = true;
@@ -31,7 +35,7 @@ PlannerNodeConfig planner_config(const World& world, const WorldRobot& robot, co
   PlannerNodeConfig config = options.planner;
   config.robot_id = robot.id;
   config.planner.space.radius_m = robot.radius_m;
-  config.planner.static_map = world.static_map;
+  config.planner.static_map = known_map(world);
   SearchLimits& limits = config.planner.limits;
   static_cast<MotionLimits&>(limits) = limits_of(world, robot);
   // The ground and the ceiling are solid. The sides are not: starts and goals may lie on them, and a robot needs room

@@ -36,6 +36,7 @@ struct SensorOptions {
   double false_alarms = 0.0;                        // detections of nothing in a message, on average
   double merge_m = 0.0;                             // columns this near to each other are taken for one
   double pose_noise_m = 0.0, pose_noise_deg = 0.0;  // by so much a lidar or depth camera errs about where it is
+  std::string known_map = "static";                 // what robots know before they fly: the static map, or none
   bool operator==(const SensorOptions&) const = default;
 
   bool is_ranging() const { return kind != "perfect"; }
@@ -56,6 +57,7 @@ Overloaded(Functions...) -> Overloaded<Functions...>;  // clang 14 does not find
 inline constexpr std::array<const char*, 3> kVehicles = {"perfect", "noisy", "quadrotor"};
 inline constexpr std::array<const char*, 2> kGains = {"firm", "soft"};
 inline constexpr std::array<const char*, 3> kSensors = {"perfect", "depth", "lidar"};
+inline constexpr std::array<const char*, 2> kKnownMaps = {"static", "none"};
 
 // "a, b or c".
 std::string listed(std::span<const char* const> words);
@@ -86,6 +88,7 @@ void for_each_sensor_option(Options& sensor, const Visit& visit) {
   visit("sense-merge-m", sensor.merge_m, 0, 10, "m", "columns this near to each other are taken for one");
   visit("pose-noise-m", sensor.pose_noise_m, 0, 1, "m", "depth, lidar: deviation of an axis of where the sensor is");
   visit("pose-noise-deg", sensor.pose_noise_deg, 0, 10, "deg", "depth, lidar: and of how it is turned");
+  visit("known-map", sensor.known_map, kKnownMaps, "what robots know of the world before they fly: its static map");
 }
 
 }  // namespace swarm

@@ -121,6 +121,7 @@ void fly(const Options& options, int number, Sample* sample) {
       const Track* nearest = nullptr;
       double nearest_m = 0.5;
       for (const Track& track : perception.tracker().tracks()) {
+        if (!perception.is_told(track)) continue;
         const double apart_m = (predicted(track) - state->position).head<2>().norm();
         if (apart_m < nearest_m) nearest_m = apart_m, nearest = &track;
       }
@@ -137,7 +138,7 @@ void fly(const Options& options, int number, Sample* sample) {
       if (seen_s > 0.5 && t_s - turned[i] > 0.5) sample->velocity_mps.push_back(wrong_mps);
     }
     for (const Track& track : perception.tracker().tracks()) {
-      if (!moves(track) || (predicted(track) - pose.position).head<2>().norm() > 5.0) continue;
+      if (!perception.is_moving(track) || (predicted(track) - pose.position).head<2>().norm() > 5.0) continue;
       const bool is_real = std::ranges::any_of(world.obstacles, [&](const WorldObstacle& obstacle) {
         return (state_at(obstacle, world, t_s)->position - predicted(track)).head<2>().norm() < 0.6;
       });

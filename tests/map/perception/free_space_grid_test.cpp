@@ -387,6 +387,20 @@ TEST(FreeSpaceGrid, WhatStaysWasNeverFree) {
   }
 }
 
+// For two to four seconds, and no longer than it is.
+TEST(FreeSpaceGrid, WhatIsOccupiedLasts) {
+  for (int phase = 0; phase < 25; ++phase) {
+    WatchedVoxel voxel;
+    voxel.see(voxel.kFree, 1 + phase);
+    voxel.see(voxel.kSurface, 20);
+    EXPECT_FALSE(voxel.is(&FreeSpaceGrid::lasting)) << phase;
+    voxel.see(voxel.kSurface, 21);
+    EXPECT_TRUE(voxel.is(&FreeSpaceGrid::lasting)) << phase;
+    voxel.see(voxel.kFree, 7);
+    EXPECT_FALSE(voxel.is(&FreeSpaceGrid::lasting)) << phase;
+  }
+}
+
 TEST(FreeSpaceGrid, ForgetsAfterItsMemory) {
   for (int phase = 0; phase < 25; ++phase) {
     WatchedVoxel voxel;

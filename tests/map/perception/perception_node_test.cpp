@@ -28,8 +28,8 @@ class Perceiving : public Bench<PerceptionNode> {
     config.robot_id = kOwnId;
     return config;
   }
-  lidar_scan_t scan(const Eigen::Vector3d& origin = {0, 0, 1}) {
-    lidar_scan_t message = column_scan(origin, {{{2, 0}, 0.3}});
+  lidar_scan_t scan(const Eigen::Vector3d& origin = {0, 0, 1}, double column_y = 0.0) {
+    lidar_scan_t message = column_scan(origin, {{{2, column_y}, 0.3}});
     message.header = make_header(kOwnId, 1, seq_++, now);
     return message;
   }
@@ -59,14 +59,15 @@ depth_image_t image_of(double depth_m, Utime utime, std::int64_t seq) {
 
 TEST(PerceptionNode, EachScanBecomesAReportAndWhatWasSeen) {
   Perceiving node;
-  for (int i = 0; i < 3; ++i) {
-    node.send(channel::kLidarScan, node.scan());
+  for (int i = 0; i < 12; ++i) {
+    node.send(channel::kLidarScan, node.scan({0, 0, 1}, 0.1 * i));
     node.run_for(0.1);
   }
-  EXPECT_EQ(node.reports(), 3);
+  EXPECT_EQ(node.reports(), 12);
   const auto report = node.out.newest<obstacles_t>(channel::kObstacles);
   ASSERT_EQ(report.num_obstacles, 1);
   EXPECT_NEAR(report.obstacles[0].position[0], 2.0, 0.04);
+  EXPECT_NEAR(report.obstacles[0].position[1], 1.1, 0.04);
   EXPECT_EQ(report.obstacles[0].velocity_sigma, -1.0f);
   EXPECT_EQ(report.complete, 0);
   Sogm seen;
@@ -74,13 +75,28 @@ TEST(PerceptionNode, EachScanBecomesAReportAndWhatWasSeen) {
   int maps = 0;
   for (const auto& part : node.out.all<sogm_swarm::sogm_t>(channel::kSeenSpace))
     maps += assembler.add(part, &seen).status == AssemblyStatus::kComplete;
-  EXPECT_EQ(maps, 3);
+  EXPECT_EQ(maps, 12);
   ASSERT_EQ(seen.num_frames, 2);
-  EXPECT_TRUE(seen.occupied(0, seen.geometry.voxel_of({1.7, 0, 1.0})));
+  EXPECT_FALSE(seen.occupied(0, seen.geometry.voxel_of({1.7, 0, 1.0}))) << "it moves";
+  EXPECT_FALSE(seen.occupied(1, seen.geometry.voxel_of({1.2, 0, 1.0})));
   const perception_status_t status = node.status();
-  EXPECT_EQ(status.scans, 3);
-  EXPECT_EQ(status.standing, 1);
+  EXPECT_EQ(status.scans, 12);
+  EXPECT_EQ(status.moving, 1);
   EXPECT_GT(status.points, 20);
+}
+
+TEST(PerceptionNode, WhatStandsIsSeenToStand) {
+  Perceiving node;
+  for (int i = 0; i < 45; ++i) {
+    node.send(channel::kLidarScan, node.scan({0.03, 0.04, 1.05}));
+    node.run_for(0.1);
+  }
+  EXPECT_EQ(node.out.newest<obstacles_t>(channel::kObstacles).num_obstacles, 0);
+  Sogm seen;
+  SogmAssembler assembler;
+  for (const auto& part : node.out.all<sogm_swarm::sogm_t>(channel::kSeenSpace)) (void)assembler.add(part, &seen);
+  EXPECT_TRUE(seen.occupied(0, seen.geometry.voxel_of({1.7, 0, 1.0})));
+  EXPECT_EQ(node.status().standing, 1);
 }
 
 TEST(PerceptionNode, DepthImagesAreSeenAsWell) {

@@ -19,9 +19,10 @@ class Looking {
   explicit Looking(const PerceptionConfig& config = {}) : perception(config), config_(config) {}
 
   void look(const std::vector<Column>& columns, const std::vector<PeerMask::Ball>& robots = {},
-            const Eigen::Vector3d& from = kSensor) {
+            const Eigen::Vector3d& from = kSensor, const Eigen::Vector3d& error = Eigen::Vector3d::Zero()) {
     utime += 100ms;
     sogm_swarm::lidar_scan_t scan = column_scan(from, columns);
+    Eigen::Map<Eigen::Vector3d>(scan.position) += error;
     scan.header.utime = to_us(utime);
     read_scan({scan}, config_.scan, config_.resolution_m, &scan_);
     perception.update(scan_, robots, scan.header);
@@ -79,7 +80,7 @@ TEST(Perception, FindsColumnsWhereTheyAreAndHowThick) {
     EXPECT_LT((track->obstacle.position.head<2>() - column.center).norm(), 0.05);
     EXPECT_NEAR(track->obstacle.shape.size.x(), 2.0 * column.radius_m, 0.08);
     EXPECT_NEAR(track->obstacle.position.z() + track->obstacle.shape.size.y() / 2, column.top_m, 0.2);
-    EXPECT_FALSE(moves(*track));
+    EXPECT_FALSE(looking.perception.is_moving(*track));
     const Eigen::Vector2d front = column.center * (1.0 - column.radius_m / column.center.norm());
     EXPECT_TRUE(looking.stands({front.x(), front.y(), 1.0}));
   }
@@ -94,10 +95,70 @@ TEST(Perception, KnowsWithinHalfASecondHowFastAColumnMoves) {
     const Track* track = looking.track_at(place);
     ASSERT_NE(track, nullptr);
     EXPECT_LT((track->obstacle.velocity.head<2>() - velocity).norm(), 0.1);
-    EXPECT_TRUE(moves(*track));
+    EXPECT_TRUE(looking.perception.is_moving(*track));
     // Its track draws it, also where it was seen a moment ago.
     EXPECT_FALSE(looking.stands({place.x() - 0.25, place.y(), 1.0}));
   }
+}
+
+// Who was tracked before it moved far enough to be told of comes with a velocity; from then on with positions. Another
+// who walks before it always hides one of its sides.
+TEST(Perception, TheFirstReportTellsHowFast) {
+  Looking looking;
+  int reports = 0;
+  for (int i = 0; i < 12; ++i) {
+    const double y = -1.0 + 0.1 * i;
+    looking.look({{{2.5, y}, 0.25}, {{1.25, 0.5 * y - 0.2}, 0.15}});
+    for (const sogm_swarm::obstacle_t& obstacle : looking.perception.report().obstacles) {
+      if (obstacle.position[0] < 2.0) continue;
+      if (reports++ > 0) {
+        EXPECT_EQ(obstacle.velocity_sigma, -1.0f) << i;
+        continue;
+      }
+      EXPECT_LE(i, 5);
+      EXPECT_GE(obstacle.velocity_sigma, 0.0f);
+      EXPECT_NEAR(obstacle.velocity[1], 1.0, 0.4);
+    }
+  }
+  EXPECT_GE(reports, 6);
+}
+
+TEST(Perception, WhoStandsIsToldOfAtFirstAndWhenItWalks) {
+  Looking looking;
+  const Column person{{2.5, 0.0}, 0.25};
+  for (int i = 0; i < 50; ++i) {
+    looking.look({person});
+    EXPECT_TRUE(i > 20 || looking.perception.report().obstacles.size() == 1u) << i;
+    EXPECT_TRUE(i < 41 || looking.perception.report().obstacles.empty()) << i;
+    EXPECT_TRUE(looking.stands({2.25, 0.0, 1.0}));
+  }
+  looking.follow(person, {0.0, 0.8}, 7);
+  ASSERT_EQ(looking.perception.report().obstacles.size(), 1u);
+  const Track* track = looking.track_at({2.5, 0.48});
+  ASSERT_NE(track, nullptr);
+  EXPECT_TRUE(looking.perception.is_moving(*track));
+  EXPECT_NEAR(track->obstacle.velocity.y(), 0.8, 0.2);
+}
+
+// A robot flies along walls with a door between, and errs about where it is: nothing moves, and no door closes.
+TEST(Perception, WallsStandAlsoWherePosesErr) {
+  Looking looking;
+  std::vector<Column> walls;
+  for (double x = -5.0; x <= 5.0; x += 0.03)
+    if (std::abs(x - 1.0) > 0.5) walls.push_back({{x, 1.5}, 0.02});
+  for (double y = -2.0; y <= 1.5; y += 0.03) walls.push_back({{4.0, y}, 0.02});
+  int told = 0;
+  for (int i = 0; i < 80; ++i) {
+    const double t_s = 0.1 * i;
+    const Eigen::Vector3d at(-2.0 + 0.5 * t_s, 0.1, 1.05);
+    const Eigen::Vector3d error(0.03 * std::sin(0.7 * t_s), 0.04 * std::cos(1.1 * t_s), 0.0);
+    looking.look(walls, {}, at, error);
+    told += static_cast<int>(looking.perception.report().obstacles.size());
+  }
+  EXPECT_LE(told, 4);
+  EXPECT_TRUE(looking.stands({2.5, 1.5, 1.0}));
+  EXPECT_TRUE(looking.stands({4.0, 0.0, 1.0}));
+  EXPECT_FALSE(looking.stands({1.0, 1.5, 1.0}));
 }
 
 TEST(Perception, TellsColumnsApartThatTouch) {

@@ -137,6 +137,26 @@ TEST(RangeScan, ThePoseOfTheCameraIsHonoured) {
   EXPECT_LT((scan_of(image).surfaces.at(1) - Eigen::Vector3d(10, 22.05, 30 - 2.05)).norm(), 1e-6);
 }
 
+// What is seen of the world is what has a pixel; a LiDAR looks everywhere.
+TEST(RangeScan, KnowsWhatItsCameraSees) {
+  Rng rng(5);
+  depth_image_t image = image_of(32, 24, [](int, int) { return 2.0; });
+  place_at({3, 1, 2}, Eigen::Quaterniond::UnitRandom().normalized(), &image);
+  RangeScan scan = scan_of(image);
+  int seen = 0;
+  for (int i = 0; i < 1000; ++i) {
+    const double x = uniform(rng, -10, 42), y = uniform(rng, -8, 32), depth_m = uniform(rng, -3, 6);
+    const bool is_in = x >= 0 && x <= 31 && y >= 0 && y <= 23 && depth_m > 0.0;
+    EXPECT_EQ(scan.sees(scan.origin + depth_m * ahead_of(image, x, y)), is_in) << x << " " << y << " " << depth_m;
+    seen += is_in ? 1 : 0;
+  }
+  EXPECT_GT(seen, 100);
+  lidar_scan_t turn{};
+  turn.orientation[0] = 1.0;
+  read_scan(std::vector{turn}, {}, kVoxel_m, &scan);
+  EXPECT_TRUE(scan.sees({-100, 3, 80}));
+}
+
 // Nothing is known of pixels at which nothing was measured.
 TEST(RangeScan, ZerosAreNeitherSurfaceNorFree) {
   Rng rng(2);

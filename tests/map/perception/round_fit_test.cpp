@@ -222,6 +222,24 @@ TEST(RoundFit, CirclesAreBehindTheirPoints) {
   }
 }
 
+// Half a circle varies around a line by 0.3 of its radius.
+TEST(RoundFit, ColumnsAreCurvedAndBoardsAreNot) {
+  Rng rng(11);
+  std::normal_distribution<double> noise(0.0, kRoundNoise_m);
+  for (int i = 0; i < 300; ++i) {
+    const Round round(rng, uniform(rng, 0.15, 0.4), uniform(rng, 1.5, 5.0));
+    const std::vector<Eigen::Vector2d> points = round.noisy(rng, 80);
+    EXPECT_GT(curvature(points, fit_round(points, round.sensor, kNothingKnown, kRoundNoise_m)), 2.5) << i;
+    std::vector<Eigen::Vector2d> board;
+    const Eigen::Vector2d along = towards(round.side + kRightAngle + uniform(rng, -0.4, 0.4));
+    for (int k = 0; k < 80; ++k) {
+      const Eigen::Vector2d at = round.center + uniform(rng, -0.5, 0.5) * along;
+      board.push_back(at + noise(rng) * (at - round.sensor).normalized());
+    }
+    EXPECT_LT(curvature(board, fit_round(board, round.sensor, kNothingKnown, kRoundNoise_m)), 1.5) << i;
+  }
+}
+
 // Every third point is of a second column, which touches the first, or of a wall behind it, or anywhere around.
 TEST(FindRound, FindsTheColumnThatMostPointsLieOn) {
   Rng rng(8);
