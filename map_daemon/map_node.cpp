@@ -100,7 +100,6 @@ void declare(OptionSet& options, MapConfig& config) {
                   throw OptionError("must be free, near or occupied");
               });
   options.add("unknown-near", &config.unknown_near_m, 0.1, 100, "m", "what is so near to the robot is near");
-  options.add("unknown-body", &config.unknown_body_m, 0, 10, "m", "what is nearer than that is the robot itself");
   options.add("unknown-beside", &config.unknown_beside_m, 0, 1, "m", "so near to what was seen free it is free, too");
   options.add("state-timeout", &config.state_timeout_s, 0.01, 60, "s", "no maps with an older robot state");
   options.add("clock-limit", &config.clock_limit_s, 0.001, 10, "s", "messages from further in the future are refused");
@@ -308,9 +307,7 @@ void MapNode::build(Utime now) {
 
 // What was not seen, and is not just beside what was, may be anything. What lies outside of what can be seen was not.
 void MapNode::add_unknown(const Eigen::Vector3d& center) {
-  seen_free_.reset(seen_.geometry, 1, seen_.start_utime, seen_.frame_duration);
-  const auto words = static_cast<std::size_t>(seen_.geometry.words_per_frame());
-  for (std::size_t i = 0; i < words; ++i) seen_free_.words[i] = ~seen_.words[words + i];
+  complement(seen_, 1, &seen_free_);
   dilate(seen_free_, config_.unknown_beside_m, &beside_);
   known_.reset(sogm_.geometry, 1, sogm_.start_utime, sogm_.frame_duration);
   add_first_frame(beside_, &known_);
@@ -323,23 +320,13 @@ void MapNode::add_unknown(const Eigen::Vector3d& center) {
     });
   };
   const double middle = center.z() / window.resolution_m - 0.5 - window.origin.z();
-  // Half the height of a ball, in voxels, at so much from its middle; below 0 beside it.
-  const auto half = [&](double radius_m, double away2) {
-    const double square = radius_m * radius_m - away2;
-    return square > 0.0 ? std::sqrt(square) / window.resolution_m : -1.0;
-  };
   for (int x = 0; x < window.size.x(); ++x) {
     for (int y = 0; y < window.size.y(); ++y) {
       const double away2 = (window.center_of({x, y, 0}) - center).head<2>().squaredNorm();
-      const double body = half(config_.unknown_body_m, away2), all = window.size.z();
-      const double reach = only_near ? half(config_.unknown_near_m, away2) : all;
-      if (reach < 0.0) continue;
-      if (body < 0.0) {
-        set_unknown(middle - reach, middle + reach, x, y);
-      } else {
-        set_unknown(middle - reach, middle - body, x, y);
-        set_unknown(middle + body, middle + reach, x, y);
-      }
+      const double square = config_.unknown_near_m * config_.unknown_near_m - away2;
+      if (only_near && square <= 0.0) continue;
+      const double reach = only_near ? std::sqrt(square) / window.resolution_m : window.size.z();
+      set_unknown(middle - reach, middle + reach, x, y);
     }
   }
 }

@@ -46,4 +46,15 @@ void add_first_frame(const Sogm& other, Sogm* sogm) {
   }
 }
 
+void complement(const Sogm& sogm, int frame, Sogm* out) {
+  const GridGeometry& window = sogm.geometry;
+  out->reset(window, 1, sogm.start_utime, sogm.frame_duration);
+  const int words = window.words_per_column(), left = window.size.z() % 64;
+  const std::uint64_t top = left == 0 ? ~std::uint64_t{0} : (std::uint64_t{1} << left) - 1;
+  const std::uint64_t* in = sogm.column(frame, 0, 0);
+  for (std::size_t i = 0; i < out->words.size(); ++i)
+    out->words[i] =
+        ~in[i] & (static_cast<int>(i % static_cast<std::size_t>(words)) == words - 1 ? top : ~std::uint64_t{0});
+}
+
 }  // namespace swarm

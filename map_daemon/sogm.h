@@ -101,6 +101,9 @@ inline std::uint64_t word_of_column(const std::uint64_t* column, int n, int w, i
 // edge.
 void add_first_frame(const Sogm& other, Sogm* sogm);
 
+// Into `out`, one frame: the voxels of the window that are not set in a frame.
+void complement(const Sogm& sogm, int frame, Sogm* out);
+
 // Visits the words of a column of `size` voxels that hold voxels whose centres lie in [low, high] (in voxels above the
 // window's first centre), each with their bits.
 template <class Visit>

@@ -137,7 +137,7 @@ void Planner::compose(const PlanRequest& request) {
   // fled from.
   const int frame = request.sogm->frame_at(request.start_utime);
   for (double margin_m = request.margin_m;; margin_m = std::max(0.0, margin_m - kMarginStep_m)) {
-    space_.compose(*request.sogm, *request.peers, reachable_, margin_m);
+    space_.compose(*request.sogm, *request.peers, reachable_, margin_m, request.seen);
     if (margin_m == 0.0 || !space_.blocked_at(start.position, frame)) break;
   }
 }
@@ -189,7 +189,7 @@ void Planner::renew_static_heuristic(const PlanRequest& request) {
   const Occupancy standing = space_.compose_standing(*request.peers);
   if (!request.is_aside) {
     guidance_.reconsider(reachable_.center);
-    guidance_.update(*request.sogm, *standing.sogm, request.goal, space_.way_m());
+    guidance_.update(*request.sogm, *standing.sogm, space_.seen(), request.goal, space_.way_m());
   }
   const Guidance* guidance = request.is_aside ? nullptr : &guidance_;
   static_heuristic_.build(standing, space_.way_m(), request.goal, space, guidance);

@@ -40,6 +40,7 @@ struct PlanRequest {
   double margin_m = 0.0;  // kept beyond the clearance: so far from its motion the robot may be
   bool is_aside = false;  // the goal is a place nearby beside the way: the way through the whole map stays as it is
   const std::vector<Peer>* peers = nullptr;
+  const Sogm* seen = nullptr;  // a SEEN_SPACE: ways may lead through what was not seen, plans not. Null: all was
 };
 
 enum class PlanOutcome {

@@ -1,3 +1,4 @@
+// Long because a daemon's whole reaction to each message, and all that it says, is to be read in one place.
 #include "planner_daemon/planner_node.h"
 
 #include <algorithm>
@@ -102,7 +103,8 @@ std::vector<Subscription> PlannerNode::subscriptions() const {
   return {{BusId::kOnboard, channel::kSogm},
           {BusId::kOnboard, channel::kOwnTrajectory},
           {BusId::kOnboard, channel::kPeerTrajectory},
-          {BusId::kOnboard, channel::kGoal}};
+          {BusId::kOnboard, channel::kGoal},
+          {BusId::kOnboard, channel::kSeenSpace}};
 }
 
 void PlannerNode::on_message(Utime now, BusId, std::string_view channel, std::span<const std::uint8_t> bytes, Outbox&) {
@@ -113,6 +115,8 @@ void PlannerNode::on_message(Utime now, BusId, std::string_view channel, std::sp
     refusal = on_own(bytes);
   } else if (channel == channel::kPeerTrajectory) {
     refusal = on_peer(now, bytes);
+  } else if (channel == channel::kSeenSpace) {
+    refusal = on_seen_space(now, bytes);
   } else if (channel == channel::kGoal) {
     refusal = on_goal(bytes);
   }
@@ -134,6 +138,14 @@ Refusal PlannerNode::on_sogm(Utime now, std::span<const std::uint8_t> bytes) {
     map_is_new_ = true;
   }
   return assembly.refusal;
+}
+
+Refusal PlannerNode::on_seen_space(Utime now, std::span<const std::uint8_t> bytes) {
+  sogm_swarm::sogm_t part;
+  const Refusal refusal = receive(bytes, FromRobot{config_.robot_id}, window(now), AnyOrder(), &part);
+  if (refusal != Refusal::kNone) return refusal;
+  if (part.num_frames != 2) return Refusal::kInconsistent;
+  return seen_parts_.add(part, &seen_).refusal;
 }
 
 Refusal PlannerNode::on_own(std::span<const std::uint8_t> bytes) {
@@ -206,6 +218,7 @@ bool PlannerNode::on_clock_step(Utime, Duration step) {
   planned_.reset();
   if (urgent_start_) *urgent_start_ += step;
   map_.start_utime += step;
+  seen_.start_utime += step;
   for (Peer& peer : peer_list_) shift(peer.motion, peer.pending);
   for (auto& [id, entry] : peers_) entry.heard += step;
   give_way_.shift(step);
@@ -270,6 +283,9 @@ void PlannerNode::plan(Utime now, Outbox& outbox) {
     planned_.reset();
   }
   request_.sogm = &map_;
+  const bool sees = seen_.num_frames > 0 && seen_.geometry.resolution_m == map_.geometry.resolution_m &&
+                    map_.start_utime - seen_.start_utime < kMaxAge;
+  request_.seen = sees ? &seen_ : nullptr;
   request_.own = *own_;
   request_.margin_m = margin_m_;
   // Without a goal the robot holds its place, but steps aside like any other.

@@ -56,6 +56,7 @@ class PlannerNode : public Node {
 
  private:
   Refusal on_sogm(Utime now, std::span<const std::uint8_t> bytes);
+  Refusal on_seen_space(Utime now, std::span<const std::uint8_t> bytes);
   Refusal on_own(std::span<const std::uint8_t> bytes);
   Refusal on_peer(Utime now, std::span<const std::uint8_t> bytes);
   Refusal on_goal(std::span<const std::uint8_t> bytes);
@@ -78,8 +79,10 @@ class PlannerNode : public Node {
   RefusalCounts refused_;
   HeaderSource candidate_headers_, corridor_headers_, status_headers_;
 
-  Sogm map_;                            // the newest complete one
-  bool map_is_new_ = false;             // not planned with yet
+  Sogm map_;                 // the newest complete one
+  bool map_is_new_ = false;  // not planned with yet
+  SogmAssembler seen_parts_;
+  Sogm seen_;                           // two frames: what stands, and what was not seen; none before the first
   Utime ways_utime_{};                  // of the map with which the ways to another goal were worked out last
   std::optional<Rehearsal> rehearsal_;  // until it is over
   std::optional<Motion> own_;

@@ -118,6 +118,35 @@ void FreeSpaceGrid::see_free(const Eigen::Vector3d& from, const Eigen::Vector3d&
   }
 }
 
+// visit(column, voxels whose middles are so near).
+template <class Visit>
+void FreeSpaceGrid::for_each_column_of_ball(const Eigen::Vector3d& place, double radius_m, const Visit& visit) const {
+  const Eigen::Vector3d middle = place / geometry_.resolution_m - geometry_.origin.cast<double>() -
+                                 Eigen::Vector3d::Constant(0.5);  // in voxels above the first
+  const double radius = radius_m / geometry_.resolution_m;
+  const Eigen::Vector2i low = (middle.head<2>().array() - radius).ceil().max(0.0).matrix().cast<int>();
+  const Eigen::Vector2i high = (middle.head<2>().array() + radius).floor().min(kEdge - 1.0).matrix().cast<int>();
+  for (int x = low.x(); x <= high.x(); ++x) {
+    for (int y = low.y(); y <= high.y(); ++y) {
+      const double square = radius * radius - (Eigen::Vector2d(x, y) - middle.head<2>()).squaredNorm();
+      if (square < 0.0) continue;
+      std::uint64_t run = 0;
+      set_run(middle.z() - std::sqrt(square), middle.z() + std::sqrt(square), kHeight, &run);
+      visit(static_cast<std::size_t>(column_of(x, y)), std::rotl(run, geometry_.origin.z() & (kHeight - 1)));
+    }
+  }
+}
+
+void FreeSpaceGrid::see_free_around(const Eigen::Vector3d& place, double radius_m) {
+  for_each_column_of_ball(place, radius_m, [this](std::size_t column, std::uint64_t run) { free_[column] |= run; });
+}
+
+void FreeSpaceGrid::keep_around(const Eigen::Vector3d& place, double radius_m) {
+  for_each_column_of_ball(place, radius_m, [this](std::size_t column, std::uint64_t run) {
+    columns_[column].seen_lately[0] |= columns_[column].seen() & run;
+  });
+}
+
 void FreeSpaceGrid::see_surface(const Eigen::Vector3d& place) {
   const Eigen::Vector3i voxel = geometry_.voxel_of(place);
   if (!geometry_.contains(voxel)) return;

@@ -26,6 +26,9 @@ class FreeSpaceGrid {
 
   // One scan: whatever its rays pass and where they end, then finish(). Places outside the window are ignored.
   void see_free(const Eigen::Vector3d& from, const Eigen::Vector3d& to);
+  void see_free_around(const Eigen::Vector3d& place, double radius_m);
+  // What is so near and known stays known.
+  void keep_around(const Eigen::Vector3d& place, double radius_m);
   void see_surface(const Eigen::Vector3d& place);
   // Columns with surfaces in this scan.
   const std::vector<int>& surface_columns() const { return surface_columns_; }
@@ -77,6 +80,8 @@ class FreeSpaceGrid {
   // In the order of the window.
   std::uint64_t turned(std::uint64_t word) const;
   void forget_old(Utime utime);
+  template <class Visit>
+  void for_each_column_of_ball(const Eigen::Vector3d& place, double radius_m, const Visit& visit) const;
 
   Duration memory_;
   GridGeometry geometry_;

@@ -1,3 +1,5 @@
+// Long because the whole way from a scan to obstacles, and each reason why something is none, is to be read in one
+// place.
 #include "map_daemon/perception/perception.h"
 
 #include <algorithm>
@@ -18,6 +20,7 @@ constexpr double kLeastShare = 0.3,
 constexpr double kCurved = 1.5, kSurelyCurved = 4.0;  // of what ends at both sides, or at one
 constexpr double kSmall_m = 0.5;
 constexpr double kLeft_m = 0.15;                 // so far from where it was seen first it moves for certain
+constexpr double kNearby_m = 1.0;                // nothing comes so near unseen
 constexpr double kWellKnown = 40.0;              // points that measured a radius
 constexpr double kBeside_m = 0.15;               // what is so far from a circle is something else
 constexpr int kMaxRounds = 6;                    // columns that are found in one cluster
@@ -67,10 +70,14 @@ void Perception::forget() {
   grid_ = FreeSpaceGrid(config_.resolution_m, to_duration(config_.memory_s));
   tracker_ = Tracker(config_.tracks);
   forms_.clear();
+  has_begun_ = false;
 }
 
 void Perception::look(const RangeScan& scan, std::span<const PeerMask::Ball> robots) {
   grid_.move_to(scan.origin);
+  grid_.see_free_around(scan.origin, has_begun_ ? config_.body_m : config_.begin_m);
+  grid_.keep_around(scan.origin, kNearby_m);
+  has_begun_ = true;
   for (const RangeScan::Ray& ray : scan.free) grid_.see_free(ray.from, ray.to);
   surfaces_.clear();
   for (const Eigen::Vector3d& place : scan.surfaces) {
@@ -262,11 +269,16 @@ bool Perception::may_move(const RoundFit& fit, const RangeScan& scan, Piece* pie
   return sides.free == 1 && (sides.out_of_view > 0 || curved > kSurelyCurved || size.head<2>().norm() < kSmall_m);
 }
 
-// What stands is seen in other parts from every place, and these seem to move.
+// What stands is seen in other parts from every place, and these seem to move; but where they were seen first there is
+// still something.
 bool Perception::has_left(const Piece& piece, const Form& form) const {
   const auto track = std::ranges::find(tracker_.tracks(), piece.id, &Track::id);
-  return track != tracker_.tracks().end() && moves(*track) && (piece.center - form.first).norm() > kLeft_m &&
-         !has_stood(piece);
+  if (track == tracker_.tracks().end() || !moves(*track) || (piece.center - form.first).norm() < kLeft_m) return false;
+  const Eigen::Vector3i voxel = grid_.geometry().voxel_of(form.first_surface);
+  if (!grid_.geometry().contains(voxel)) return true;
+  const int column = grid_.column_of(voxel.x(), voxel.y());
+  const std::uint64_t around = std::uint64_t{7} << voxel.z() >> 1;
+  return (grid_.surfaces(column) & around) == 0 && (piece.is_alone || (grid_.free(column) & around) != 0);
 }
 
 // For two seconds at least.
@@ -373,7 +385,10 @@ void Perception::report_piece(const Piece& piece, const RangeScan& scan) {
   obstacle.position_sigma =
       static_cast<float>(std::sqrt(sigma_m * sigma_m + config_.pose_m * config_.pose_m + turned_m * turned_m));
   obstacle.velocity_sigma = -1.0f;
-  if (piece.id == kNew) form.first = piece.center;
+  if (piece.id == kNew) {
+    form.first = piece.center;
+    form.first_surface = surfaces_[static_cast<std::size_t>(piece.points[piece.points.size() / 2])];
+  }
   seen_.obstacles.push_back(obstacle);
   const bool has_gone = has_left(piece, form), was_told = std::exchange(form.is_told, false);
   form.moved = form.moved || has_gone || has_moved(piece.points);
@@ -409,10 +424,11 @@ void Perception::draw_seen_space(Utime utime) {
       *seen_space_.column(1, x, y) = ~(grid_.seen(column) | occupied);
     }
   }
-  // What moves is drawn by its track: its surfaces of a moment ago are no walls.
+  // What moves is drawn by its track: its surfaces of a moment ago are no walls. But what has stood is none of them,
+  // and what is out of sight may be anywhere.
   const GridGeometry& window = grid_.geometry();
   for (const Track& track : tracker_.tracks()) {
-    if (!is_moving(track)) continue;
+    if (!is_moving(track) || track.last_utime != utime) continue;
     const double dt_s = to_seconds(utime - track.obstacle.utime);
     const Eigen::Vector3d center = track.obstacle.position + dt_s * track.obstacle.velocity;
     const double reach_m = track.obstacle.shape.size.x() / 2 + kAround_m, half_m = track.obstacle.shape.size.y() / 2;
@@ -422,8 +438,9 @@ void Perception::draw_seen_space(Utime utime) {
       for (int y = std::max(low.y(), 0); y <= std::min(high.y(), FreeSpaceGrid::kEdge - 1); ++y) {
         const Eigen::Vector3d place = window.center_of({x, y, 0});
         if ((place - center).head<2>().norm() > reach_m) continue;
+        const std::uint64_t stood = grid_.lasting(grid_.column_of(x, y));
         for_each_word_of_run(low.z(), high.z(), window.size.z(),
-                             [&](int word, std::uint64_t bits) { seen_space_.column(0, x, y)[word] &= ~bits; });
+                             [&](int word, std::uint64_t bits) { seen_space_.column(0, x, y)[word] &= ~bits | stood; });
       }
     }
   }

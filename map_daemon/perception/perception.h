@@ -20,7 +20,9 @@ namespace swarm {
 struct PerceptionConfig {
   ScanConfig scan;
   double resolution_m = 0.1;  // of the grid
-  double memory_s = 2.0;      // what was not seen for so long is unknown
+  double memory_s = 10.0;     // what was not seen for so long is unknown
+  double body_m = 0.2;        // so near to a sensor nothing is but the robot
+  double begin_m = 0.45;      // and so near to where it looks first: somebody put the robot there
   double pose_m = 0.01;       // of the sensor's position
   double pose_rad = 0.005;    // and of its direction
   TrackerConfig tracks;
@@ -61,8 +63,9 @@ class Perception {
   struct Form {
     bool is_round = false;
     Eigen::Vector2d first = Eigen::Vector2d::Zero();  // where it was seen first, W [m]
-    bool moved = false;                               // at some time since
-    bool is_told = false;                             // in the newest report
+    Eigen::Vector3d first_surface = Eigen::Vector3d::Zero();
+    bool moved = false;    // at some time since
+    bool is_told = false;  // in the newest report
     RadiusPrior radius;
     double top_m = 0.0, bottom_m = 0.0;
     bool has_top = false, has_bottom = false;  // seen to end there
@@ -120,6 +123,7 @@ class Perception {
   Tracker tracker_;
   std::map<std::int32_t, Form> forms_;  // of tracks, by id
   std::int32_t next_id_ = 0;
+  bool has_begun_ = false;
 
   // Of the newest scan.
   std::vector<Eigen::Vector3d> surfaces_;

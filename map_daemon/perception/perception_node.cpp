@@ -26,6 +26,8 @@ void declare(OptionSet& options, PerceptionNodeConfig& config) {
   options.add("depth-range", &perception.scan.depth_range_m, 1, 6.3, "m", "nor what is further from a camera");
   options.add("least-range", &perception.scan.least_range_m, 0, 5, "m", "what is nearer is the robot itself");
   options.add("memory", &perception.memory_s, 0.2, 60, "s", "what was not seen for so long is unknown");
+  options.add("body", &perception.body_m, 0, 3, "m", "so near to a sensor nothing is but the robot");
+  options.add("begin", &perception.begin_m, 0, 3, "m", "and so near to where it begins: the robot was put there");
   options.add("lidar-noise", &perception.scan.lidar_noise_m, 0.001, 1, "m", "standard deviation of a LiDAR's ranges");
   options.add("depth-noise", &perception.scan.depth_noise_m, 0.001, 1, "m", "standard deviation of a camera's depths");
   options.add("depth-noise-growth", &perception.scan.depth_noise_per_m, 0, 1, "1/m",

@@ -27,7 +27,8 @@ GlobalMap::GlobalMap(const std::string& static_map, const Eigen::Vector3d& space
   if (!static_map_.empty()) tree_ = read_octomap(static_map_);
 }
 
-bool GlobalMap::see(const Sogm& sogm, const Sogm& standing, const Eigen::Vector3d& goal, double blocked_m) {
+bool GlobalMap::see(const Sogm& sogm, const Sogm& standing, const Sogm* seen, const Eigen::Vector3d& goal,
+                    double blocked_m) {
   if (blocked_m != blocked_m_) occupied_ = Sogm();
   blocked_m_ = blocked_m;
   const GridGeometry& window = sogm.geometry;
@@ -35,33 +36,40 @@ bool GlobalMap::see(const Sogm& sogm, const Sogm& standing, const Eigen::Vector3
   const GridGeometry& grid = occupied_.geometry;
   const int words = window.words_per_column(), grid_words = grid.words_per_column();
   const Eigen::Vector3i shift = window.origin - grid.origin;  // index in the window + shift = index here
-  window_column_.resize(2 * static_cast<std::size_t>(grid_words));
-  std::uint64_t *inside = window_column_.data(),
-                *seen = inside + grid_words;  // of the window along z; what stands there
-  std::fill_n(inside, grid_words, 0);
-  set_run(shift.z(), shift.z() + window.size.z() - 1, grid.size.z(), inside);
+  inside_.assign(static_cast<std::size_t>(grid_words), 0);    // of the window along z
+  set_run(shift.z(), shift.z() + window.size.z() - 1, grid.size.z(), inside_.data());
   const Eigen::Vector2i first(tile_after(window.origin.x()), tile_after(window.origin.y()));
   const Eigen::Vector2d middle = window.size.head<2>().cast<double>() / 2.0;
-  const auto n = static_cast<std::size_t>(kTile * words);
+  // Whether nothing that is seen changes in these columns.
+  const auto is_still = [&](int x, int first_y) {
+    const std::uint64_t *row = standing.column(0, x, first_y), *begin = sogm.column(0, x, first_y);
+    const std::uint64_t* end = sogm.column(sogm.num_frames - 1, x, first_y);
+    const std::uint64_t* look = seen != nullptr ? seen->column(0, x, first_y) : nullptr;
+    std::uint64_t changes = 0;
+    for (int i = 0; i < kTile * words; ++i)
+      changes |= ((row[i] ^ begin[i]) | (row[i] ^ end[i])) & (look != nullptr ? look[i] : ~std::uint64_t{0});
+    return changes == 0;
+  };
   for (int tile_x = first.x() - window.origin.x(); tile_x + kTile <= window.size.x(); tile_x += kTile) {
     for (int tile_y = first.y() - window.origin.y(); tile_y + kTile <= window.size.y(); tile_y += kTile) {
       bool still = true;
-      for (int x = tile_x; x < tile_x + kTile && still; ++x) {
-        const std::uint64_t* row = standing.column(0, x, tile_y);
-        still = std::equal(row, row + n, sogm.column(0, x, tile_y)) &&
-                std::equal(row, row + n, sogm.column(sogm.num_frames - 1, x, tile_y));
-      }
+      for (int x = tile_x; x < tile_x + kTile && still; ++x) still = is_still(x, tile_y);
       if (!still) continue;
       const Eigen::Vector2d away = Eigen::Vector2d(tile_x + kTile / 2.0, tile_y + kTile / 2.0) - middle;
-      const bool is_near = away.norm() * window.resolution_m < kNear_m;
+      const bool is_sure = seen != nullptr || away.norm() * window.resolution_m < kNear_m;
       bool differs = false;
       for (int x = std::max(tile_x, -shift.x()); x < std::min(tile_x + kTile, grid.size.x() - shift.x()); ++x) {
         for (int y = std::max(tile_y, -shift.y()); y < std::min(tile_y + kTile, grid.size.y() - shift.y()); ++y) {
           std::uint64_t* known = occupied_.column(0, x + shift.x(), y + shift.y());
           for (int w = 0; w < grid_words; ++w) {
-            seen[w] = word_of_column(standing.column(0, x, y), words, w, -shift.z()) & inside[w];
-            if (!is_near) seen[w] |= known[w] & inside[w];
-            const std::uint64_t now = (known[w] & ~inside[w]) | seen[w];
+            const auto here = [&](const Sogm& what) {
+              return word_of_column(what.column(0, x, y), words, w, -shift.z()) & inside_[static_cast<std::size_t>(w)];
+            };
+            const std::uint64_t gone = !is_sure          ? std::uint64_t{0}
+                                       : seen != nullptr ? here(*seen)
+                                                         : inside_[static_cast<std::size_t>(w)];
+            const std::uint64_t stands = here(standing) & (seen != nullptr ? here(*seen) : ~std::uint64_t{0});
+            const std::uint64_t now = (known[w] & ~gone) | stands;
             differs = differs || now != known[w];
             known[w] = now;
           }

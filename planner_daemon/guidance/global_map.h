@@ -25,10 +25,11 @@ class GlobalMap {
   GlobalMap(const std::string& static_map, const Eigen::Vector3d& space_min, const Eigen::Vector3d& space_max);
 
   // Takes in what stands still in the window of `sogm`: tiles of it in which nothing changes from frame to frame.
-  // `standing`, of the same window, is what is occupied in all frames. Where the robot, in the middle of the window, is
-  // near, what is gone is forgotten. True: the map is another one now. Throws what StaticMap throws when the first SOGM
-  // comes, or one of other voxels: then nothing but the file is kept.
-  bool see(const Sogm& sogm, const Sogm& standing, const Eigen::Vector3d& goal, double blocked_m);
+  // `standing`, of the same window, is what is occupied in all frames; `seen` what was seen at all: nothing is learned
+  // of the rest, and what is gone is forgotten wherever it is seen. Null: all is seen, but certainly only near the
+  // robot, in the middle of the window, and only there it is forgotten. True: the map is another one now. Throws what
+  // StaticMap throws when the first SOGM comes, or one of other voxels: then nothing but the file is kept.
+  bool see(const Sogm& sogm, const Sogm& standing, const Sogm* seen, const Eigen::Vector3d& goal, double blocked_m);
   // All that was seen, but not the file. True: there was something.
   bool forget_seen();
 
@@ -76,7 +77,7 @@ class GlobalMap {
   Sogm occupied_, blocked_;        // one frame each, the same geometry
   bool empty_ = true;
   Dilator dilator_;
-  std::vector<std::uint64_t> column_, window_column_;
+  std::vector<std::uint64_t> column_, inside_;
 };
 
 }  // namespace swarm

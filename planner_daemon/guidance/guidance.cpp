@@ -13,9 +13,10 @@ constexpr double kAtGoal = 1.5;  // voxels: a way that ends so near leads to the
 
 }  // namespace
 
-void Guidance::update(const Sogm& sogm, const Sogm& standing, const Eigen::Vector3d& goal, double blocked_m) {
+void Guidance::update(const Sogm& sogm, const Sogm& standing, const Sogm* seen, const Eigen::Vector3d& goal,
+                      double blocked_m) {
   if (!std::exchange(has_worked_, false)) work();
-  is_stale_ = map_.see(sogm, standing, goal, blocked_m) || is_stale_;
+  is_stale_ = map_.see(sogm, standing, seen, goal, blocked_m) || is_stale_;
   const bool is_new = goal != goal_ || sogm.geometry.resolution_m != resolution_m_;
   if (is_new) {
     goal_ = goal;

@@ -17,10 +17,11 @@ class Guidance {
   Guidance(const std::string& static_map, const Eigen::Vector3d& space_min, const Eigen::Vector3d& space_max)
       : map_(static_map, space_min, space_max) {}
 
-  // What stands still in the newest SOGM, see GlobalMap::see(). For another goal the ways are worked out at once, in a
-  // map beyond some 10,000 m2 also in the next work()s, straight ones serving until then; when the map changed, bit by
-  // bit in work(), while those there are still serve. To be called now and then, with work() in between.
-  void update(const Sogm& sogm, const Sogm& standing, const Eigen::Vector3d& goal, double blocked_m);
+  // What stands still in the newest SOGM, see GlobalMap::see(). `seen` may be null. For another goal the ways are
+  // worked out at once, in a map beyond some 10,000 m2 also in the next work()s, straight ones serving until then; when
+  // the map changed, bit by bit in work(), while those there are still serve. To be called now and then, with work() in
+  // between.
+  void update(const Sogm& sogm, const Sogm& standing, const Sogm* seen, const Eigen::Vector3d& goal, double blocked_m);
   // Where no way leads from `place`, forgets what was seen: it may be gone since.
   void reconsider(const Eigen::Vector3d& place);
   // The goal, and what was seen.

@@ -32,9 +32,15 @@ Columns column_of(const Eigen::Vector3i& voxel) {
 }  // namespace
 
 void ConfigurationSpace::compose(const Sogm& sogm, const std::vector<Peer>& peers, const ReachableSet& reachable,
-                                 double margin_m) {
+                                 double margin_m, const Sogm* seen) {
   margin_m_ = margin_m;
   occupancy_ = {&sogm, &peers_};
+  sees_all_ = seen == nullptr;
+  if (!sees_all_) {
+    complement(*seen, 1, &seen_there_);
+    seen_.reset(sogm.geometry, 1, sogm.start_utime, sogm.frame_duration);
+    add_first_frame(seen_there_, &seen_);
+  }
   add_peers(peers, reachable);
   for (Sogm* layer : {&blocked_.sogm, &emergency_.sogm, &collision_.sogm, &recently_occupied_, &inflation_})
     lay_out(sogm, sogm.num_frames, layer);
@@ -51,7 +57,7 @@ void ConfigurationSpace::compose(const Sogm& sogm, const std::vector<Peer>& peer
   if (inflation_rounds_.size() != tiles || round_ == std::numeric_limits<std::uint32_t>::max()) {
     for (Rounds* rounds : {&blocked_.rounds, &emergency_.rounds, &collision_.rounds, &inflation_rounds_})
       rounds->assign(tiles, 0);
-    round_ = 0;
+    round_ = certain_round_ = 0;
   }
   ++round_;
 }
@@ -101,6 +107,8 @@ Occupancy ConfigurationSpace::compose_standing(const std::vector<Peer>& peers) {
     const std::uint64_t* words = sogm.column(frame, 0, 0);
     for (const std::size_t i : standing_words_) standing_.words[i] &= words[i];
   }
+  if (!sees_all_)
+    for (const std::size_t i : standing_words_) standing_.words[i] &= seen_.words[i];
   const Columns all = all_columns(sogm.geometry);
   standing_peers_.lay_out(standing_);
   for (const Peer& peer : peers) {
@@ -132,10 +140,24 @@ void ConfigurationSpace::for_each_new_box(int first_frame, int last_frame, const
   }
 }
 
+// Only where something is too close does it matter.
+const Occupancy& ConfigurationSpace::certain() {
+  if (sees_all_) return occupancy_;
+  if (certain_round_ != round_) {
+    certain_ = *occupancy_.sogm;
+    const std::size_t n = seen_.words.size();
+    for (std::size_t i = 0; i < certain_.words.size(); ++i) certain_.words[i] &= seen_.words[i % n];
+    certain_occupancy_ = {&certain_, &peers_};
+    certain_round_ = round_;
+  }
+  return certain_occupancy_;
+}
+
 const Sogm& ConfigurationSpace::look(int first_frame, int last_frame, const Columns& columns, DilatedLayer* layer) {
   for_each_new_box(first_frame, last_frame, columns, &layer->rounds, [&](int frame, const Columns& box) {
     sources_.clear();
-    occupancy_.append_layers(frame, box.grown(layer->dilator.radius_voxels(), layer->sogm.geometry), &sources_);
+    const Occupancy& occupancy = layer == &blocked_ ? occupancy_ : certain();
+    occupancy.append_layers(frame, box.grown(layer->dilator.radius_voxels(), layer->sogm.geometry), &sources_);
     layer->dilator.dilate(sources_, box, layer->sogm.column(frame, box.first.x(), box.first.y()), sources_.front().row);
   });
   return layer->sogm;

@@ -44,11 +44,15 @@ class ConfigurationSpace {
   ConfigurationSpace& operator=(const ConfigurationSpace&) = delete;
 
   // The space around what `sogm` holds and what the peers sweep within `reachable`; what blocks keeps off `margin_m`
-  // beyond the clearance. Refers to `sogm` until the next call.
-  void compose(const Sogm& sogm, const std::vector<Peer>& peers, const ReachableSet& reachable, double margin_m = 0.0);
+  // beyond the clearance. `seen`: a SEEN_SPACE; what it did not see is not known to stand, and to come too close to it
+  // is never worse than kBlocked. Null: all is seen. Refers to `sogm` until the next call.
+  void compose(const Sogm& sogm, const std::vector<Peer>& peers, const ReachableSet& reachable, double margin_m = 0.0,
+               const Sogm* seen = nullptr);
   // What stands still in every frame, peers that hover among it, in the whole window: one frame. Valid until the next
   // call.
   Occupancy compose_standing(const std::vector<Peer>& peers);
+  // What of the window is seen: one frame; null: all.
+  const Sogm* seen() const { return sees_all_ ? nullptr : &seen_; }
 
   // So far the centre keeps from the middles of occupied voxels, in what was composed.
   double blocked_m() const { return options_.blocked_m() + margin_m_; }
@@ -105,6 +109,7 @@ class ConfigurationSpace {
   template <class WorkOut>
   void for_each_new_box(int first_frame, int last_frame, const Columns& columns, Rounds* rounds,
                         const WorkOut& work_out);
+  const Occupancy& certain();
   const Sogm& look(int first_frame, int last_frame, const Columns& columns, DilatedLayer* layer);
   void work_out_inflation(int frame, const Columns& box);
 
@@ -123,6 +128,11 @@ class ConfigurationSpace {
   std::uint32_t round_ = 0;
   int recent_frames_ = 0;  // so long something counts as recently occupied
   Sogm standing_;
+  bool sees_all_ = true;
+  Sogm seen_there_, seen_;  // in its own window, and in that of the map
+  Sogm certain_;            // what is occupied and was seen
+  Occupancy certain_occupancy_;
+  std::uint32_t certain_round_ = 0;
   std::vector<Layer> sources_;
   std::vector<std::size_t> standing_words_;  // not clear in the first frame and the last
 };

@@ -5,6 +5,7 @@
 
 #include "planner_daemon/coordination/deconfliction.h"
 #include "tests/support/planner_node_fixture.h"
+#include "tests/support/random_map.h"
 
 namespace swarm::test {
 namespace {
@@ -55,6 +56,40 @@ TEST(PlannerNode, StatusSaysThatNoWayLeadsToTheGoal) {
   f.run_for(0.3);
   f.send_map();
   EXPECT_EQ(f.status().state, planner_status_t::kPlanning);
+}
+
+// A wall from side to side: no way leads through it, unless it is one only because nobody saw what is there.
+TEST(PlannerNode, WaysMayLeadThroughWhatWasNotSeen) {
+  for (const bool was_seen : {true, false}) {
+    SCOPED_TRACE(was_seen);
+    PlannerNodeConfig config = Fixture::make_config();
+    config.planner.limits.space_min = {-4, -4, 0};
+    config.planner.limits.space_max = {4, 4, 2};
+    Fixture f(config);
+    mark_box(&f.map, {2.0, -9, -9}, {2.4, 9, 9});
+    Sogm seen;
+    seen.reset({.resolution_m = f.map.geometry.resolution_m, .origin = {-64, -64, -32}, .size = {128, 128, 64}}, 2,
+               f.now, 100ms);
+    if (!was_seen) mark_box(&seen, {2.0, -9, -9}, {9, 9, 9}, 1, 1);
+    SogmEncoder encoder;
+    const auto send_seen = [&] {
+      seen.start_utime = f.now;
+      for (const sogm_t& part : encoder.encode(seen, make_header(kRobot, 1, f.now.time_since_epoch().count(), f.now)))
+        f.send(channel::kSeenSpace, part);
+    };
+    send_seen();
+    f.start({3.5, 0, 1});
+    for (int i = 0; i < 10; ++i) {
+      f.run_for(0.1);
+      send_seen();
+      f.send_map();
+    }
+    EXPECT_EQ(f.status().state, was_seen ? planner_status_t::kUnreachable : planner_status_t::kPlanning);
+    EXPECT_LT(end_of(f.planned()).x(), 1.8) << "but no plan does";
+    seen.reset(seen.geometry, 1, f.now, 100ms);
+    send_seen();
+    EXPECT_EQ(f.node.refused()[Refusal::kInconsistent], 1) << "one frame is no SEEN_SPACE";
+  }
 }
 
 TEST(PlannerNode, SaysWhatItWaitsFor) {

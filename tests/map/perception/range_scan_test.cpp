@@ -229,9 +229,11 @@ TEST(RangeScan, ImagesOfAnySizeAreReadWhole) {
     const RangeScan scan = scan_of(image);
     EXPECT_EQ(scan.measured, width * height);
     ASSERT_EQ(std::ssize(scan.surfaces), width * height);
-    for (int i = 0; i < width * height; ++i)
+    for (int i = 0; i < width * height; ++i) {
+      const int x = i % width, y = i / width;
       for (const double depth_m : {0.4, 1.0, 2.0, 3.0, 3.95})
-        EXPECT_TRUE(is_passed(scan, depth_m * ahead_of(image, i % width, i / width))) << i << " " << depth_m;
+        EXPECT_TRUE(is_passed(scan, depth_m * ahead_of(image, x, y))) << i << " " << depth_m;
+    }
     for (const RangeScan::Ray& ray : scan.free) {
       const Eigen::Vector2d pixel = pixel_of(image, ray.to);
       EXPECT_TRUE((pixel.array() > -0.01).all() && pixel.x() < width + 0.01 - width % 2 / 2.0 &&

@@ -42,7 +42,7 @@ Sogm standing_of(const Sogm& sogm) {
 }
 
 bool see(const Sogm& sogm, GlobalMap* map, const Vector3d& goal = kHere) {
-  return map->see(sogm, standing_of(sogm), goal, kBlocked_m);
+  return map->see(sogm, standing_of(sogm), nullptr, goal, kBlocked_m);
 }
 
 bool knows(const GlobalMap& map, const Vector3d& place) {
@@ -129,6 +129,29 @@ TEST(GlobalMapTest, TakesInWhatStandsStill) {
   map.forget_seen();
   EXPECT_TRUE(map.empty());
   EXPECT_FALSE(is_blocked(map, 5.0, 5.0));
+}
+
+// What is said to be occupied only because it was not seen is not learned; what is gone is forgotten wherever it is
+// seen to be.
+TEST(GlobalMapTest, LearnsOfWhatWasSeen) {
+  GlobalMap map({}, kSpaceMin, kSpaceMax);
+  Sogm sogm = window_at();
+  for (const double x : {-4.5, -1.5, 1.5, 4.5}) mark_column(&sogm, x, 4.5);
+  const auto see_where = [&](const auto& was_seen) {
+    Sogm seen;
+    seen.reset(sogm.geometry, 1, sogm.start_utime, sogm.frame_duration);
+    for_each_column(sogm.geometry, [&](int x, int y) {
+      if (was_seen(sogm.geometry.center_of({x, y, 0}))) set_run(0, 99, sogm.geometry.size.z(), seen.column(0, x, y));
+    });
+    return map.see(sogm, standing_of(sogm), &seen, kHere, kBlocked_m);
+  };
+  EXPECT_TRUE(see_where([](const Vector3d& place) { return place.x() < 0.0; }));
+  for (const double x : {-4.5, -1.5}) EXPECT_TRUE(is_blocked(map, x, 4.5));
+  for (const double x : {1.5, 4.5}) EXPECT_FALSE(is_blocked(map, x, 4.5));
+  sogm = window_at();
+  EXPECT_TRUE(see_where([](const Vector3d& place) { return place.x() < -3.0; }));
+  EXPECT_FALSE(is_blocked(map, -4.5, 4.5));
+  EXPECT_TRUE(is_blocked(map, -1.5, 4.5)) << "nobody looked";
 }
 
 // What moves covers and uncovers what stands behind it: next to it nothing is learned.

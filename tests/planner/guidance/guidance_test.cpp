@@ -37,8 +37,8 @@ struct Guide {
       : guidance({file}, low, high), map({file}, low, high) {}
 
   void update(const Sogm& sogm, const Vector3d& goal) {
-    guidance.update(sogm, sogm, goal, kApart_m);
-    map.see(sogm, sogm, goal, kApart_m);
+    guidance.update(sogm, sogm, nullptr, goal, kApart_m);
+    map.see(sogm, sogm, nullptr, goal, kApart_m);
   }
   void work(int times) {
     for (int i = 0; i < times; ++i) guidance.work();

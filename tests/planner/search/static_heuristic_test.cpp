@@ -46,7 +46,7 @@ StaticScene random_scene(int trial, const Vector3d& size_m, Rng& rng) {
     Sogm wide = empty_map(3 * size_m, 0.1, 1, Utime(), 100ms);
     for (int i = 0; i < 20; ++i) mark_ball(&wide, 0, in_box(rng, -3 * half, 3 * half), uniform(rng, 0.3, 1.2), true);
     scene.guidance = std::make_unique<Guidance>("", scene.space.min(), scene.space.max());
-    scene.guidance->update(wide, wide, scene.goal, kClearance_m);
+    scene.guidance->update(wide, wide, nullptr, scene.goal, kClearance_m);
   }
   return scene;
 }
@@ -131,7 +131,7 @@ std::unique_ptr<Guidance> to_nowhere(double half_m) {
   auto nowhere = std::make_unique<Guidance>("", Vector3d::Constant(-9), Vector3d::Constant(9));
   Sogm cage = empty_map(Vector3d::Constant(2 * half_m), 0.1, 1, Utime(), 100ms);
   mark_box(&cage, {-9, -9, -9}, {9, 9, 9});
-  nowhere->update(cage, cage, {1.0, 0.0, 0.0}, kClearance_m);
+  nowhere->update(cage, cage, nullptr, {1.0, 0.0, 0.0}, kClearance_m);
   return nowhere;
 }
 
@@ -390,7 +390,7 @@ TEST(StaticHeuristicTest, GoesOnAsTheGuidanceKnows) {
   mark_box(&wide, {3.0, -4.5, -9}, {3.2, 99, 9});
   const Vector3d goal(5, 2, 0);
   Guidance guidance({}, {-6, -6, kLow}, {6, 6, kHigh});
-  guidance.update(wide, wide, goal, kClearance_m);
+  guidance.update(wide, wide, nullptr, goal, kClearance_m);
   ASSERT_FALSE(guidance.empty());
   StaticHeuristic heuristic;
   heuristic.build({&standing}, kClearance_m, goal, kSpace, &guidance);

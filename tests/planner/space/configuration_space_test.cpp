@@ -228,6 +228,31 @@ TEST_F(ConfigurationSpaceTest, StandingIsWhatIsOccupiedInAllFramesAndPeersThatHo
   });
 }
 
+// What is occupied only because it was not seen keeps the robot off, but it may fly there rather than into what stands.
+TEST_F(ConfigurationSpaceTest, WhatWasNotSeenIsNotKnownToStand) {
+  ConfigurationSpace space({});
+  Sogm sogm = empty_map({4, 4, 2}, 0.1, 6, kStart, 100ms);
+  mark_box(&sogm, {1, 1, -9}, {1.3, 1.3, 9});
+  mark_box(&sogm, {-1.3, 1, -9}, {-1, 1.3, 9});
+  Sogm seen = empty_map({6, 6, 3}, 0.1, 2, kStart, 100ms);
+  mark_box(&seen, {0, -9, -9}, {9, 9, 9}, 1, 1);  // its second frame: what was not seen
+  const Vector3d unseen(1.15, 1.15, 0), stands(-1.15, 1.15, 0);
+  for (const bool tells : {false, true, false}) {
+    SCOPED_TRACE(tells);
+    space.compose(sogm, {}, {{0, 0, 0}, kStart, 2.0, 2.0}, 0.0, tells ? &seen : nullptr);
+    EXPECT_EQ(space.severity_at(unseen, 3), tells ? Severity::kBlocked : Severity::kCollision);
+    EXPECT_EQ(space.severity_at(stands, 3), Severity::kCollision);
+    EXPECT_TRUE(space.blocked_at(unseen, 0));
+    const Sogm& standing = *space.compose_standing({}).sogm;
+    EXPECT_EQ(standing.occupied(0, standing.geometry.voxel_of(unseen)), !tells);
+    EXPECT_TRUE(standing.occupied(0, standing.geometry.voxel_of(stands)));
+    ASSERT_EQ(space.seen() != nullptr, tells);
+    if (!tells) continue;
+    EXPECT_FALSE(space.seen()->occupied(0, sogm.geometry.voxel_of(unseen)));
+    EXPECT_TRUE(space.seen()->occupied(0, sogm.geometry.voxel_of(stands)));
+  }
+}
+
 // At a reported time the motion is blocked; and it was not blocked for 10 ms in a row before.
 TEST(ConfigurationSpaceOfAPoint, FirstBlockedAgreesWithBruteForce) {
   Rng rng(3);
