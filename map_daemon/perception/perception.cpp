@@ -18,14 +18,14 @@ constexpr double kRound_rms = 2.5;  // times the noise: then it is round
 constexpr double kLeastShare = 0.3,
                  kRoundShare = 0.8;  // of the points on the circle: of a track that is known, of a new one
 constexpr double kCurved = 1.5, kSurelyCurved = 4.0;  // of what ends at both sides, or at one
-constexpr double kSmall_m = 0.5;
-constexpr double kLeft_m = 0.15;                 // so far from where it was seen first it moves for certain
-constexpr double kNearby_m = 1.0;                // nothing comes so near unseen
-constexpr double kWellKnown = 40.0;              // points that measured a radius
-constexpr double kBeside_m = 0.15;               // what is so far from a circle is something else
-constexpr int kMaxRounds = 6;                    // columns that are found in one cluster
-constexpr double kSlow_mps = 0.1, kClear = 2.0;  // below, or within so many standard deviations, it stands
-constexpr double kCut_m = 0.1;                   // standard deviation of where something is whose side is not seen
+constexpr double kSmall_m = 0.5;                      // and what is no larger may be half hidden
+constexpr double kLeft_m = 0.15;                      // so far from where it was seen first it moves for certain
+constexpr double kNearby_m = 1.0;                     // nothing comes so near unseen
+constexpr double kWellKnown = 40.0;                   // points that measured a radius
+constexpr double kBeside_m = 0.15;                    // what is so far from a circle is something else
+constexpr int kMaxRounds = 6;                         // columns that are found in one cluster
+constexpr double kSlow_mps = 0.1, kClear = 2.0;       // below, or within so many standard deviations, it stands
+constexpr double kCut_m = 0.1;                        // standard deviation of where something is whose side is not seen
 constexpr double kUsualRadius_m = 0.25, kUsualWeight = 20.0;  // then it is taken to be about so thick
 constexpr double kCutWeight = 4.0;                            // and what is known then of its radius
 constexpr double kMostGate_m = 0.5;

@@ -68,8 +68,7 @@ bool GlobalMap::see(const Sogm& sogm, const Sogm& standing, const Sogm* seen, co
             const std::uint64_t gone = !is_sure          ? std::uint64_t{0}
                                        : seen != nullptr ? here(*seen)
                                                          : inside_[static_cast<std::size_t>(w)];
-            const std::uint64_t stands = here(standing) & (seen != nullptr ? here(*seen) : ~std::uint64_t{0});
-            const std::uint64_t now = (known[w] & ~gone) | stands;
+            const std::uint64_t now = (known[w] & ~gone) | here(standing);
             differs = differs || now != known[w];
             known[w] = now;
           }

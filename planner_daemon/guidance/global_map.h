@@ -25,10 +25,10 @@ class GlobalMap {
   GlobalMap(const std::string& static_map, const Eigen::Vector3d& space_min, const Eigen::Vector3d& space_max);
 
   // Takes in what stands still in the window of `sogm`: tiles of it in which nothing changes from frame to frame.
-  // `standing`, of the same window, is what is occupied in all frames; `seen` what was seen at all: nothing is learned
-  // of the rest, and what is gone is forgotten wherever it is seen. Null: all is seen, but certainly only near the
-  // robot, in the middle of the window, and only there it is forgotten. True: the map is another one now. Throws what
-  // StaticMap throws when the first SOGM comes, or one of other voxels: then nothing but the file is kept.
+  // `standing`, of the same window, is what is occupied in all frames and was seen; `seen` what was seen at all: of the
+  // rest nothing is learned, and what is gone is forgotten wherever it is seen. Null: all is seen, but certainly only
+  // near the robot, in the middle of the window, and only there it is forgotten. True: the map is another one now.
+  // Throws what StaticMap throws when the first SOGM comes, or one of other voxels: then nothing but the file is kept.
   bool see(const Sogm& sogm, const Sogm& standing, const Sogm* seen, const Eigen::Vector3d& goal, double blocked_m);
   // All that was seen, but not the file. True: there was something.
   bool forget_seen();

@@ -49,5 +49,20 @@ TEST(Sogm, ColumnsGrowAsFarAsTheWindow) {
   EXPECT_TRUE(Columns{}.grown(3, grid).empty());
 }
 
+// Of that frame, and nothing above the window.
+TEST(Sogm, TheComplementIsWhatIsNotSet) {
+  Sogm sogm, rest;
+  sogm.reset({.resolution_m = 0.1, .origin = {1, 2, 3}, .size = {3, 4, 70}}, 2, Utime(5us), 100ms);
+  set_run(0, 69, 70, sogm.column(0, 1, 1));
+  set_run(60, 66, 70, sogm.column(1, 2, 3));
+  complement(sogm, 1, &rest);
+  ASSERT_EQ(rest.num_frames, 1);
+  EXPECT_EQ(rest.geometry, sogm.geometry);
+  for (int x = 0; x < 3; ++x)
+    for (int y = 0; y < 4; ++y)
+      for (int z = 0; z < 70; ++z) EXPECT_NE(rest.occupied(0, {x, y, z}), sogm.occupied(1, {x, y, z})) << x << y << z;
+  EXPECT_EQ(rest.column(0, 0, 0)[1], 0x3fu);
+}
+
 }  // namespace
 }  // namespace swarm

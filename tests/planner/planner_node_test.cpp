@@ -1,4 +1,5 @@
-// The planner daemon's node: from what and towards what it plans, and what it makes of bad input.
+// The planner daemon's node: from what and towards what it plans, and what it makes of bad input. Long because every
+// message that it hears is tried, good and bad.
 #include "planner_daemon/planner_node.h"
 
 #include <random>

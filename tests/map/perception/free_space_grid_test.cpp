@@ -375,29 +375,23 @@ TEST(FreeSpaceGrid, WhatMovesIsNotKeptAsOccupied) {
   EXPECT_TRUE(voxel.is(&FreeSpaceGrid::occupied));
 }
 
-// After four seconds at the earliest and six at the latest, whenever in its stretches of time the grid sees it first.
-TEST(FreeSpaceGrid, WhatStaysWasNeverFree) {
+// It lasts after two seconds at the earliest and four at the latest, and was never free after two more, whenever in its
+// stretches of time the grid sees it first.
+TEST(FreeSpaceGrid, WhatStaysLastsAndWasNeverFree) {
   for (int phase = 0; phase < 25; ++phase) {
+    SCOPED_TRACE(phase);
     WatchedVoxel voxel;
     voxel.see(voxel.kFree, 10 + phase);
-    voxel.see(voxel.kSurface, 40);
-    EXPECT_TRUE(voxel.is(&FreeSpaceGrid::ever_free)) << phase;
-    voxel.see(voxel.kSurface, 21);
-    EXPECT_FALSE(voxel.is(&FreeSpaceGrid::ever_free)) << phase;
-  }
-}
-
-// For two to four seconds, and no longer than it is.
-TEST(FreeSpaceGrid, WhatIsOccupiedLasts) {
-  for (int phase = 0; phase < 25; ++phase) {
-    WatchedVoxel voxel;
-    voxel.see(voxel.kFree, 1 + phase);
     voxel.see(voxel.kSurface, 20);
-    EXPECT_FALSE(voxel.is(&FreeSpaceGrid::lasting)) << phase;
-    voxel.see(voxel.kSurface, 21);
-    EXPECT_TRUE(voxel.is(&FreeSpaceGrid::lasting)) << phase;
+    EXPECT_FALSE(voxel.is(&FreeSpaceGrid::lasting));
+    voxel.see(voxel.kSurface, 20);
+    EXPECT_TRUE(voxel.is(&FreeSpaceGrid::ever_free));
+    voxel.see(voxel.kSurface, 1);
+    EXPECT_TRUE(voxel.is(&FreeSpaceGrid::lasting));
+    voxel.see(voxel.kSurface, 20);
+    EXPECT_FALSE(voxel.is(&FreeSpaceGrid::ever_free));
     voxel.see(voxel.kFree, 7);
-    EXPECT_FALSE(voxel.is(&FreeSpaceGrid::lasting)) << phase;
+    EXPECT_FALSE(voxel.is(&FreeSpaceGrid::lasting));
   }
 }
 

@@ -247,6 +247,9 @@ TEST(Perception, TheRobotsOwnPlaceIsFree) {
   const Eigen::Vector3d above = kSensor + Eigen::Vector3d(0, 0, 0.3);
   EXPECT_FALSE(looking.was_not_seen(above));
   EXPECT_TRUE(looking.was_not_seen(kSensor + Eigen::Vector3d(0, 0, 0.9)));
+  for (int i = 0; i < 200; ++i) looking.look({});
+  EXPECT_FALSE(looking.was_not_seen(kSensor + Eigen::Vector3d(0, 0, 0.4)))
+      << "nobody looked there since, but it is near";
   const Eigen::Vector3d next = kSensor + Eigen::Vector3d(0, 0, 2.0);
   looking.look({}, {}, next);
   EXPECT_FALSE(looking.was_not_seen(next + Eigen::Vector3d(0, 0, 0.2)));

@@ -143,7 +143,9 @@ TEST(GlobalMapTest, LearnsOfWhatWasSeen) {
     for_each_column(sogm.geometry, [&](int x, int y) {
       if (was_seen(sogm.geometry.center_of({x, y, 0}))) set_run(0, 99, sogm.geometry.size.z(), seen.column(0, x, y));
     });
-    return map.see(sogm, standing_of(sogm), &seen, kHere, kBlocked_m);
+    Sogm standing = standing_of(sogm);
+    for (std::size_t i = 0; i < standing.words.size(); ++i) standing.words[i] &= seen.words[i];
+    return map.see(sogm, standing, &seen, kHere, kBlocked_m);
   };
   EXPECT_TRUE(see_where([](const Vector3d& place) { return place.x() < 0.0; }));
   for (const double x : {-4.5, -1.5}) EXPECT_TRUE(is_blocked(map, x, 4.5));
