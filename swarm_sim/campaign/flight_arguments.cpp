@@ -83,7 +83,9 @@ void declare(OptionSet& options, FlightArguments& arguments) {
                         Overloaded{[&](const char* name, double& value, double low, double high, const char* unit,
                                        const char* help) { options.add(name, &value, low, high, unit, help); },
                                    [&](const char* name, std::string& value, std::span<const char* const> words,
-                                       const char* help) { declare_words(options, name, value, words, help); }});
+                                       const char* help) { declare_words(options, name, value, words, help); },
+                                   [&](const char* name, std::string& value, void (*check)(const std::string&),
+                                       const char* help) { options.add(name, &value, help, check); }});
   for_each_text(arguments, [&](const char* name, std::string& value, const char* help) {
     options.add(name, &value, help, [&value, &arguments](const std::string& text) {
       if (&value == &arguments.outages) (void)parse_outages(text);

@@ -16,9 +16,9 @@ EnvironmentNode::EnvironmentNode(Simulation& simulation, std::size_t index, std:
       index_(index),
       tells_state_(tells_state),
       sensor_(simulation.world(), simulation.world().robots[index].id),
-      range_sensor_(simulation.world(), simulation.world().robots[index].id),
+      range_sensors_(simulation.world(), simulation.world().robots[index].id),
       caster_(simulation.world(), simulation.static_map()),
-      sensor_period_(range_sensor_.period()),
+      sensor_period_(range_sensors_.period()),
       last_tick_(simulation.now()),
       state_headers_(simulation.world().robots[index].id, boot),
       obstacle_headers_(state_headers_),
@@ -58,7 +58,8 @@ Utime EnvironmentNode::step(Utime now, Outbox& outbox) {
   for (; !scans_.empty() && scans_.front().due <= tick; scans_.pop_front()) {
     for (const sogm_swarm::lidar_scan_t& part : scans_.front().parts)
       outbox.publish(BusId::kOnboard, channel::kLidarScan, part);
-    if (scans_.front().image) outbox.publish(BusId::kOnboard, channel::kDepthImage, *scans_.front().image);
+    for (const sogm_swarm::depth_image_t& image : scans_.front().images)
+      outbox.publish(BusId::kOnboard, channel::kDepthImage, image);
   }
   if (tells_state_) outbox.publish(BusId::kOnboard, channel::kRobotState, state(own_time));
   if (t_s >= 0.0 && tick >= goal_.due(tick, kGoalPeriod)) {
@@ -94,15 +95,15 @@ void EnvironmentNode::look(Utime tick) {
     return Pose{state.position,
                 attitude_of(tilts ? vehicle().state().acceleration : Eigen::Vector3d::Zero(), vehicle().yaw_rad())};
   };
-  Scan scan{.due = tick + to_duration(1e-3 * world.sensor.latency_ms), .parts = {}, .image = {}};
+  Scan scan{.due = tick + to_duration(1e-3 * world.sensor.latency_ms), .parts = {}, .images = {}};
   const sogm_swarm::header_t header = scan_headers_.next(vehicle().own_time(tick));
   const double t_s = simulation_.t_s(tick);
   if (world.sensor.kind == "lidar") {
-    scan.parts = range_sensor_.scan(caster_, others, t_s, pose(vehicle().state()), pose(vehicle().estimate()));
+    scan.parts = range_sensors_.scan(caster_, others, t_s, pose(vehicle().state()), pose(vehicle().estimate()));
     for (sogm_swarm::lidar_scan_t& part : scan.parts) part.header = header;
   } else {
-    scan.image = range_sensor_.image(caster_, others, t_s, pose(vehicle().state()), pose(vehicle().estimate()));
-    scan.image->header = header;
+    scan.images = range_sensors_.images(caster_, others, t_s, pose(vehicle().state()), pose(vehicle().estimate()));
+    for (sogm_swarm::depth_image_t& image : scan.images) image.header = header;
   }
   scans_.push_back(std::move(scan));
 }

@@ -45,12 +45,12 @@ class EnvironmentNode : public Node {
   std::size_t index_;
   bool tells_state_;
   Sensor sensor_;
-  RangeSensor range_sensor_;
+  RangeSensors range_sensors_;
   RayCaster caster_;
   struct Scan {
     Utime due;
     std::vector<sogm_swarm::lidar_scan_t> parts;
-    std::optional<sogm_swarm::depth_image_t> image;
+    std::vector<sogm_swarm::depth_image_t> images;
   };
   std::deque<Scan> scans_;  // not sent yet
   Duration sensor_period_;

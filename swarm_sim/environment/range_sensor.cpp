@@ -42,11 +42,26 @@ Eigen::Quaterniond attitude_of(const Eigen::Vector3d& acceleration, double yaw_r
   return Eigen::Quaterniond(axes);
 }
 
-RangeSensor::RangeSensor(const World& world, int robot_id)
+Pose operator*(const Pose& outer, const Pose& inner) {
+  return {outer.position + outer.orientation * inner.position, outer.orientation * inner.orientation};
+}
+
+Pose pose_of(const Mount& mount) {
+  const auto about = [](double degrees, const Eigen::Vector3d& axis) {
+    const SinCos half = sin_cos(0.5 * degrees * kDegree);
+    const Eigen::Vector3d turn = half.sin * axis;
+    return Eigen::Quaterniond(half.cos, turn.x(), turn.y(), turn.z());
+  };
+  return {mount.position,
+          about(mount.yaw_deg, Eigen::Vector3d::UnitZ()) * about(mount.pitch_deg, Eigen::Vector3d::UnitY())};
+}
+
+RangeSensors::RangeSensors(const World& world, int robot_id)
     : options_(world.sensor),
       random_(seed_of(world.name + " range sensor " + std::to_string(robot_id))),
       position_error_(&random_),
       turn_error_(&random_) {
+  for (const Mount& mount : parse_mounts(options_.mounts)) mounts_.push_back(pose_of(mount));
   if (options_.kind == "lidar") {
     for (int beam = 0; beam < kBeams; ++beam) {
       const SinCos up = sin_cos(kLowestBeam_rad + beam * kBetweenBeams_rad);
@@ -65,11 +80,11 @@ RangeSensor::RangeSensor(const World& world, int robot_id)
   }
 }
 
-Duration RangeSensor::period() const {
+Duration RangeSensors::period() const {
   return options_.kind == "lidar" ? kLidarPeriod : to_duration(1.0 / options_.rate_hz);
 }
 
-Pose RangeSensor::with_error(const Pose& pose, double t_s) {
+Pose RangeSensors::with_error(const Pose& pose, double t_s) {
   if (options_.pose_noise_m == 0.0 && options_.pose_noise_deg == 0.0) return pose;
   for (; last_t_s_ + kStep_s <= t_s; last_t_s_ += kStep_s) {
     position_error_.step(kStep_s, &random_);
@@ -83,8 +98,8 @@ Pose RangeSensor::with_error(const Pose& pose, double t_s) {
   return wrong;
 }
 
-void RangeSensor::measure(RayCaster& caster, const Eigen::Matrix3d& to_world, int width, double least_m, double range_m,
-                          double noise_per_m2) {
+void RangeSensors::measure(RayCaster& caster, const Eigen::Matrix3d& to_world, int width, double least_m,
+                           double range_m, double noise_per_m2) {
   const std::size_t rays = directions_.size();
   true_m_.resize(rays);
   measured_m_.resize(rays);
@@ -118,51 +133,58 @@ void set_pose(const Pose& pose, Message* message) {
 
 }  // namespace
 
-std::vector<lidar_scan_t> RangeSensor::scan(RayCaster& caster, const std::vector<RayCaster::Ball>& robots, double t_s,
-                                            const Pose& truth, const Pose& believed) {
-  caster.look(t_s, truth.position, kLidarRange_m, robots);
-  measure(caster, truth.orientation.toRotationMatrix(), kAzimuths, kLidarLeast_m, kLidarRange_m, 0.0);
-  const Pose pose = with_error(believed, t_s);
+std::vector<lidar_scan_t> RangeSensors::scan(RayCaster& caster, const std::vector<RayCaster::Ball>& robots, double t_s,
+                                             const Pose& truth, const Pose& believed) {
   constexpr std::size_t kPointsPerPart = lidar_scan_t::kMaxCoordinates / 3;
-  std::vector<lidar_scan_t> parts((directions_.size() + kPointsPerPart - 1) / kPointsPerPart);
-  for (std::size_t p = 0; p < parts.size(); ++p) {
-    lidar_scan_t& part = parts[p];
-    set_pose(pose, &part);
-    part.part = static_cast<std::int16_t>(p);
-    part.num_parts = static_cast<std::int16_t>(parts.size());
-    for (std::size_t i = p * kPointsPerPart; i < std::min((p + 1) * kPointsPerPart, directions_.size()); ++i) {
-      if (measured_m_[i] == 0.0) continue;
-      const Eigen::Vector3d point = measured_m_[i] / kPointUnit_m * directions_[i];
-      for (const double value : point) part.coordinates.push_back(static_cast<std::int16_t>(std::floor(value + 0.5)));
+  std::vector<lidar_scan_t> messages;
+  for (std::size_t sensor = 0; sensor < mounts_.size(); ++sensor) {
+    const Pose at = truth * mounts_[sensor];
+    caster.look(t_s, at.position, kLidarRange_m, robots);
+    measure(caster, at.orientation.toRotationMatrix(), kAzimuths, kLidarLeast_m, kLidarRange_m, 0.0);
+    const Pose pose = with_error(believed, t_s) * mounts_[sensor];
+    const std::size_t parts = (directions_.size() + kPointsPerPart - 1) / kPointsPerPart;
+    for (std::size_t p = 0; p < parts; ++p) {
+      lidar_scan_t& part = messages.emplace_back();
+      part.sensor = static_cast<std::int16_t>(sensor);
+      set_pose(pose, &part);
+      part.part = static_cast<std::int16_t>(p);
+      part.num_parts = static_cast<std::int16_t>(parts);
+      for (std::size_t i = p * kPointsPerPart; i < std::min((p + 1) * kPointsPerPart, directions_.size()); ++i) {
+        if (measured_m_[i] == 0.0) continue;
+        const Eigen::Vector3d point = measured_m_[i] / kPointUnit_m * directions_[i];
+        for (const double value : point) part.coordinates.push_back(static_cast<std::int16_t>(std::floor(value + 0.5)));
+      }
+      part.num_coordinates = static_cast<std::int32_t>(part.coordinates.size());
     }
-    part.num_coordinates = static_cast<std::int32_t>(part.coordinates.size());
   }
-  return parts;
+  return messages;
 }
 
-depth_image_t RangeSensor::image(RayCaster& caster, const std::vector<RayCaster::Ball>& robots, double t_s,
-                                 const Pose& truth, const Pose& believed) {
+std::vector<depth_image_t> RangeSensors::images(RayCaster& caster, const std::vector<RayCaster::Ball>& robots,
+                                                double t_s, const Pose& truth, const Pose& believed) {
   // x ahead, y left, z up of the body; z ahead, x right, y down of the camera.
   Eigen::Matrix3d axes;
   axes << 0, 0, 1, -1, 0, 0, 0, -1, 0;
-  const Eigen::Quaterniond mount(axes);
-  caster.look(t_s, truth.position, kDepthRange_m, robots);
-  measure(caster, (truth.orientation * mount).toRotationMatrix(), kWidth, kDepthLeast_m, kDepthRange_m,
-          kDepthNoisePerM2);
-  depth_image_t message{};
-  Pose pose = with_error(believed, t_s);
-  pose.orientation = pose.orientation * mount;
-  set_pose(pose, &message);
+  const Pose camera{Eigen::Vector3d::Zero(), Eigen::Quaterniond(axes)};
   const SinCos side = sin_cos(kHalfWidth_rad), up = sin_cos(kHalfHeight_rad);
-  message.focal_px[0] = static_cast<float>(kWidth / 2.0 * side.cos / side.sin);
-  message.focal_px[1] = static_cast<float>(kHeight / 2.0 * up.cos / up.sin);
-  message.center_px[0] = kWidth / 2.0f - 0.5f, message.center_px[1] = kHeight / 2.0f - 0.5f;
-  message.width = kWidth;
-  message.num_pixels = kWidth * kHeight;
-  message.depth_mm.reserve(measured_m_.size());
-  for (std::size_t i = 0; i < measured_m_.size(); ++i)
-    message.depth_mm.push_back(static_cast<std::int16_t>(1e3 * measured_m_[i] * directions_[i].z() + 0.5));
-  return message;
+  std::vector<depth_image_t> messages;
+  for (std::size_t sensor = 0; sensor < mounts_.size(); ++sensor) {
+    const Pose at = truth * mounts_[sensor] * camera;
+    caster.look(t_s, at.position, kDepthRange_m, robots);
+    measure(caster, at.orientation.toRotationMatrix(), kWidth, kDepthLeast_m, kDepthRange_m, kDepthNoisePerM2);
+    depth_image_t& message = messages.emplace_back();
+    message.sensor = static_cast<std::int16_t>(sensor);
+    set_pose(with_error(believed, t_s) * mounts_[sensor] * camera, &message);
+    message.focal_px[0] = static_cast<float>(kWidth / 2.0 * side.cos / side.sin);
+    message.focal_px[1] = static_cast<float>(kHeight / 2.0 * up.cos / up.sin);
+    message.center_px[0] = kWidth / 2.0f - 0.5f, message.center_px[1] = kHeight / 2.0f - 0.5f;
+    message.width = kWidth;
+    message.num_pixels = kWidth * kHeight;
+    message.depth_mm.reserve(measured_m_.size());
+    for (std::size_t i = 0; i < measured_m_.size(); ++i)
+      message.depth_mm.push_back(static_cast<std::int16_t>(1e3 * measured_m_[i] * directions_[i].z() + 0.5));
+  }
+  return messages;
 }
 
 }  // namespace swarm

@@ -1,5 +1,5 @@
-// A simulated depth camera or LiDAR on a robot: what it measures of the world, with its noise, and where it takes
-// itself to be.
+// The simulated depth cameras or LiDARs of a robot: what they measure of the world, with their noise, and where they
+// take themselves to be.
 #pragma once
 
 #include <Eigen/Core>
@@ -21,22 +21,27 @@ struct Pose {
   Eigen::Quaterniond orientation = Eigen::Quaterniond::Identity();  // to W
 };
 
+Pose operator*(const Pose& outer, const Pose& inner);
+
+// How it sits on a body, and looks along x.
+Pose pose_of(const Mount& mount);
+
 // A body that flies with this acceleration (W [m/s^2]) and looks to `yaw_rad`: its rotors push along its z axis.
 Eigen::Quaterniond attitude_of(const Eigen::Vector3d& acceleration, double yaw_rad);
 
-class RangeSensor {
+class RangeSensors {
  public:
   // The same robot of the same world measures the same. `world` must outlive it.
-  RangeSensor(const World& world, int robot_id);
+  RangeSensors(const World& world, int robot_id);
 
   Duration period() const;
 
-  // What it measures at world time `t_s` from a body at `truth` that takes itself to be at `believed`; without header.
-  // As messages: the parts of a LIDAR_SCAN, or one DEPTH_IMAGE.
+  // What they measure at world time `t_s` on a body at `truth` that takes itself to be at `believed`; without headers.
+  // As messages: the parts of a LIDAR_SCAN of each, or a DEPTH_IMAGE of each.
   std::vector<sogm_swarm::lidar_scan_t> scan(RayCaster& caster, const std::vector<RayCaster::Ball>& robots, double t_s,
                                              const Pose& truth, const Pose& believed);
-  sogm_swarm::depth_image_t image(RayCaster& caster, const std::vector<RayCaster::Ball>& robots, double t_s,
-                                  const Pose& truth, const Pose& believed);
+  std::vector<sogm_swarm::depth_image_t> images(RayCaster& caster, const std::vector<RayCaster::Ball>& robots,
+                                                double t_s, const Pose& truth, const Pose& believed);
 
  private:
   Pose with_error(const Pose& pose, double t_s);
@@ -45,6 +50,7 @@ class RangeSensor {
                double noise_per_m2);
 
   SensorOptions options_;
+  std::vector<Pose> mounts_;  // on the body
   Random random_;
   EstimateError position_error_, turn_error_;
   double last_t_s_ = -1.0;

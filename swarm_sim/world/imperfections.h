@@ -1,9 +1,11 @@
 // What keeps a robot from being where it is told to be, and from seeing what there is. By default nothing does.
 #pragma once
 
+#include <Eigen/Core>
 #include <array>
 #include <span>
 #include <string>
+#include <vector>
 
 namespace swarm {
 
@@ -36,6 +38,7 @@ struct SensorOptions {
   double false_alarms = 0.0;                        // detections of nothing in a message, on average
   double merge_m = 0.0;                             // columns this near to each other are taken for one
   double pose_noise_m = 0.0, pose_noise_deg = 0.0;  // by so much a lidar or depth camera errs about where it is
+  std::string mounts;                               // of several of them, see parse_mounts(); empty: one, ahead
   std::string known_map = "static";                 // what robots know before they fly: the static map, or none
   bool operator==(const SensorOptions&) const = default;
 
@@ -52,8 +55,22 @@ struct Overloaded : Functions... {
 template <class... Functions>
 Overloaded(Functions...) -> Overloaded<Functions...>;  // clang 14 does not find that by itself
 
+// How a sensor sits on its robot: turned to the left, then downwards; at a place in the robot's frame (x ahead, y left,
+// z up).
+struct Mount {
+  double yaw_deg = 0.0, pitch_deg = 0.0;
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();  // [m]
+};
+
+// YAW[:PITCH[:X:Y:Z]],...: at most eight, in degrees and metres; "": one, ahead. Throws OptionError.
+std::vector<Mount> parse_mounts(const std::string& text);
+inline void check_mounts(const std::string& text) {
+  (void)parse_mounts(text);
+}
+
 // Every value once, under the name that it has on the command line and in world files: visit(name, value, low, high,
-// unit, help) for numbers, visit(name, value, words, help) for one of some words.
+// unit, help) for numbers, visit(name, value, words, help) for one of some words, visit(name, value, check, help) for a
+// text; check(text) throws OptionError.
 inline constexpr std::array<const char*, 3> kVehicles = {"perfect", "noisy", "quadrotor"};
 inline constexpr std::array<const char*, 2> kGains = {"firm", "soft"};
 inline constexpr std::array<const char*, 3> kSensors = {"perfect", "depth", "lidar"};
@@ -88,6 +105,10 @@ void for_each_sensor_option(Options& sensor, const Visit& visit) {
   visit("sense-merge-m", sensor.merge_m, 0, 10, "m", "columns this near to each other are taken for one");
   visit("pose-noise-m", sensor.pose_noise_m, 0, 1, "m", "depth, lidar: deviation of an axis of where the sensor is");
   visit("pose-noise-deg", sensor.pose_noise_deg, 0, 10, "deg", "depth, lidar: and of how it is turned");
+  visit(
+      "mounts", sensor.mounts, &check_mounts,
+      "depth, lidar: YAW[:PITCH[:X:Y:Z]],...: how each of several sensors sits on its robot, in degrees (to the left, "
+      "downwards) and metres (ahead, left, up); none: one, ahead");
   visit("known-map", sensor.known_map, kKnownMaps, "what robots know of the world before they fly: its static map");
 }
 

@@ -6,6 +6,7 @@
 #include <numbers>
 
 #include "lcmtypes/bus/limits.h"
+#include "lcmtypes/bus/option_set.h"
 #include "swarm_sim/world/json_value.h"
 
 namespace swarm {
@@ -168,6 +169,16 @@ void read_options(const JsonValue& value, World* world) {
                    if (!found) return;
                    word = found->text(kMaxName);
                    if (std::ranges::find(words, word) == words.end()) found->fail(listed(words));
+                 },
+                 [&](const char* name, std::string& text, void (*check)(const std::string&), const char*) {
+                   names.push_back(name);
+                   const auto found = value.find(name);
+                   if (!found) return;
+                   try {
+                     check(text = found->text(kMaxName));
+                   } catch (const OptionError& error) {
+                     found->fail(std::string(error.what()).substr(std::string_view("must be ").size()));
+                   }
                  }};
   value.require_object();
   for_each_vehicle_option(world->vehicle, read);

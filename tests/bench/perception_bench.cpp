@@ -57,7 +57,7 @@ World world_of(const Options& options, int number) {
 
 void fly(const Options& options, int number, Sample* sample) {
   const World world = world_of(options, number);
-  RangeSensor sensor(world, 0);
+  RangeSensors sensor(world, 0);
   RayCaster caster(world, nullptr);
   PerceptionConfig config;
   config.pose_m = options.pose_m;
@@ -83,7 +83,7 @@ void fly(const Options& options, int number, Sample* sample) {
       parts = sensor.scan(caster, {}, t_s, pose, pose);
       parts[0].header = header;
     } else {
-      image = sensor.image(caster, {}, t_s, pose, pose);
+      image = sensor.images(caster, {}, t_s, pose, pose).at(0);
       image.header = header;
     }
     const double begun = processor_ms();

@@ -77,7 +77,7 @@ class Looker {
   explicit Looker(const World& world, int robot_id = 0)
       : world_(world), sensor(world_, robot_id), caster_(world_, nullptr) {}
   std::vector<lidar_scan_t> scan(double t_s = 0.0) { return sensor.scan(caster_, balls, t_s, pose, pose); }
-  depth_image_t image(double t_s = 0.0) { return sensor.image(caster_, balls, t_s, pose, pose); }
+  depth_image_t image(double t_s = 0.0) { return sensor.images(caster_, balls, t_s, pose, pose).at(0); }
   std::vector<Eigen::Vector3d> points() {
     return world_.sensor.kind == "lidar" ? points_of(scan()) : points_of(image());
   }
@@ -86,7 +86,7 @@ class Looker {
   World world_;
 
  public:
-  RangeSensor sensor;
+  RangeSensors sensor;
   Pose pose{{1.5, 0.5, 1.0}, attitude_of({1.5, -0.5, 0}, 0.3)};
   std::vector<RayCaster::Ball> balls;
 
@@ -238,9 +238,9 @@ TEST(RangeSensor, SaysWhereItTakesItselfToBe) {
   World world = walled_world("lidar"), wrong = world;
   wrong.sensor.pose_noise_m = 0.05;
   RayCaster caster(world, nullptr);
-  const auto as_it_is = RangeSensor(world, 1).scan(caster, {}, 0.0, truth, truth);
-  const auto exact = RangeSensor(world, 1).scan(caster, {}, 0.0, truth, believed);
-  const auto err = RangeSensor(wrong, 1).scan(caster, {}, 0.0, truth, believed);
+  const auto as_it_is = RangeSensors(world, 1).scan(caster, {}, 0.0, truth, truth);
+  const auto exact = RangeSensors(world, 1).scan(caster, {}, 0.0, truth, believed);
+  const auto err = RangeSensors(wrong, 1).scan(caster, {}, 0.0, truth, believed);
   for (std::size_t i = 0; i < exact.size(); ++i) {
     EXPECT_EQ(pose_of(exact[i]).position, believed.position);
     EXPECT_LT(pose_of(exact[i]).orientation.angularDistance(believed.orientation), 1e-9);
@@ -250,10 +250,53 @@ TEST(RangeSensor, SaysWhereItTakesItselfToBe) {
     EXPECT_EQ(err[i].coordinates, as_it_is[i].coordinates);
   }
   world.sensor.kind = "depth";
-  const depth_image_t image = RangeSensor(world, 1).image(caster, {}, 0.0, truth, believed);
-  EXPECT_EQ(image.depth_mm, RangeSensor(world, 1).image(caster, {}, 0.0, truth, truth).depth_mm);
+  const depth_image_t image = RangeSensors(world, 1).images(caster, {}, 0.0, truth, believed).at(0);
+  EXPECT_EQ(image.depth_mm, RangeSensors(world, 1).images(caster, {}, 0.0, truth, truth).at(0).depth_mm);
   EXPECT_EQ(pose_of(image).position, believed.position);
   EXPECT_LT(pose_of(image).orientation.angularDistance(believed.orientation * kCameraOnBody), 1e-9);
+}
+
+// Each sensor of several sees what is before it, and says how it is turned.
+TEST(RangeSensor, SeveralSitOnTheRobotAsTheyShall) {
+  World world = walled_world("depth");
+  world.sensor.mounts = "0,180:30:-0.2:0.1:0.05";
+  world.sensor.pose_noise_m = 0.02;
+  RayCaster caster(world, nullptr);
+  const Pose body{{1, -2, 1}, attitude_of({0, 0, 0}, 0.5)};
+  const auto images = RangeSensors(world, 1).images(caster, {}, 0.0, body, body);
+  ASSERT_EQ(images.size(), 2u);
+  for (std::size_t i = 0; i < images.size(); ++i) {
+    bytes_of(images[i]);
+    EXPECT_EQ(images[i].sensor, static_cast<int>(i));
+    for (const Eigen::Vector3d& point : points_of(images[i])) EXPECT_LT(point.cwiseAbs().maxCoeff(), 30.0);
+  }
+  const Pose ahead = pose_of(images[0]), behind = pose_of(images[1]);
+  const Eigen::Vector3d z = Eigen::Vector3d::UnitZ(), x = body.orientation * Eigen::Vector3d::UnitX();
+  EXPECT_NEAR((ahead.orientation * z).dot(x), 1.0, 1e-9) << "cameras look along z";
+  EXPECT_NEAR((behind.orientation * z).dot(x), -std::cos(std::numbers::pi / 6), 1e-9);
+  EXPECT_NEAR((behind.orientation * z).z(), -0.5, 1e-9) << "downwards";
+  const Eigen::Vector3d apart = body.orientation.inverse() * (behind.position - ahead.position);
+  EXPECT_LT((apart - Eigen::Vector3d(-0.2, 0.1, 0.05)).norm(), 1e-9) << "they err as one: " << apart.transpose();
+  world.sensor.kind = "lidar";
+  const auto parts = RangeSensors(world, 1).scan(caster, {}, 0.0, body, body);
+  ASSERT_EQ(parts.size(), 4u);
+  for (std::size_t i = 0; i < parts.size(); ++i) {
+    EXPECT_EQ(parts[i].sensor, static_cast<int>(i / 2));
+    EXPECT_EQ(parts[i].part, static_cast<int>(i % 2));
+    EXPECT_EQ(parts[i].num_parts, 2);
+  }
+}
+
+TEST(RangeSensor, MountsThatMakeNoSenseAreRefused) {
+  EXPECT_EQ(parse_mounts("").size(), 1u);
+  const auto mounts = parse_mounts("-90,0:90,10:-20:0.1:-0.2:0.3");
+  ASSERT_EQ(mounts.size(), 3u);
+  EXPECT_EQ(mounts[0].yaw_deg, -90.0);
+  EXPECT_EQ(mounts[1].pitch_deg, 90.0);
+  EXPECT_EQ(mounts[2].position, Eigen::Vector3d(0.1, -0.2, 0.3));
+  for (const char* text : {",", "0,", "x", "0:", "0:1:2", "0:1:2:3", "0:1:2:2:2:2", "181", "0:0:2.1:0:0", "nan", "1 2",
+                           "0,0,0,0,0,0,0,0,0"})
+    EXPECT_THROW(parse_mounts(text), OptionError) << text;
 }
 
 // Each axis by as much as it shall, and smoothly: in a tenth of a second by a third of that.
@@ -280,9 +323,9 @@ TEST(RangeSensor, PosesErrAsMuchAsTheyShall) {
 TEST(RangeSensor, LooksAsOftenAsItShall) {
   World world = walled_world("lidar");
   world.sensor.rate_hz = 25.0;
-  EXPECT_EQ(RangeSensor(world, 0).period(), 100ms);
+  EXPECT_EQ(RangeSensors(world, 0).period(), 100ms);
   world.sensor.kind = "depth";
-  EXPECT_EQ(RangeSensor(world, 0).period(), 40ms);
+  EXPECT_EQ(RangeSensors(world, 0).period(), 40ms);
 }
 
 // Rotors push along z; x is where the robot looks to, as far as it is not tilted.

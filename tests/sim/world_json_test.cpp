@@ -49,7 +49,9 @@ TEST(WorldJson, AWorldMayBringOptionsOfItsFlight) {
       replaced(R"("limits")", R"("options": {"vehicle": "quadrotor", "wind-mps": 3, "sense-dropout": 0.1}, "limits")");
   const World world = parse_world(text, "w.json", "");
   EXPECT_EQ(world.vehicle, (VehicleOptions{.kind = "quadrotor", .wind_mps = 3.0}));
-  EXPECT_EQ(world.sensor, (SensorOptions{.dropout = 0.1}));
+  SensorOptions sensor;
+  sensor.dropout = 0.1;
+  EXPECT_EQ(world.sensor, sensor);
   EXPECT_EQ(parse_world(to_json_text(world, ""), "w.json", ""), world);
   EXPECT_EQ(to_json_text(parse_world(kGood, "w.json", ""), "").find("options"), std::string::npos);
   const auto refused = [](const std::string& options) {
