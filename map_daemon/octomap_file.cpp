@@ -1,11 +1,13 @@
 #include "map_daemon/octomap_file.h"
 
+#include <algorithm>
 #include <array>
 #include <bit>
 #include <cmath>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <span>
 #include <sstream>
 #include <stdexcept>
 #include <string_view>
@@ -93,7 +95,120 @@ std::unique_ptr<octomap::OcTree> read_checked(const std::string& path) {
   return tree;
 }
 
+// As they are written: two bits a child.
+enum class Kind : unsigned { kUnknown = 0, kFree = 1, kOccupied = 2, kInner = 3 };
+
+constexpr int kCubeLevel = 3;                   // of a cube's node: its edge is 2^3 voxels
+constexpr int kMiddle = 1 << (kTreeDepth - 1);  // key of the lattice's voxel 0
+
+class TreeWriter {
+ public:
+  // Cubes in the order of a file.
+  explicit TreeWriter(std::span<const VoxelCube> cubes) { write_tree(cubes, kTreeDepth); }
+
+  std::int64_t num_nodes() const { return num_nodes_; }
+  const std::string& nodes() const { return nodes_; }
+
+ private:
+  // The child's number among eight of the node of this level that holds the voxel: 2^level voxels are its edge.
+  static unsigned child_of(const Eigen::Vector3i& voxel, int level) {
+    unsigned child = 0;
+    for (int axis = 0; axis < 3; ++axis)
+      child |= (static_cast<unsigned>(voxel[axis] + kMiddle) >> (level - 1) & 1) << axis;
+    return child;
+  }
+
+  static Kind kind_of(const VoxelCube& cube, const Eigen::Vector3i& low, int edge) {
+    const auto layer = static_cast<std::uint8_t>(((1 << edge) - 1) << low.z());
+    unsigned occupied = 0, free = 0, all_occupied = layer, all_free = layer;
+    for (int x = low.x(); x < low.x() + edge; ++x) {
+      for (int y = low.y(); y < low.y() + edge; ++y) {
+        const auto at = static_cast<std::size_t>(VoxelCube::kEdge * x + y);
+        const unsigned stands = cube.occupied[at], open = cube.free[at] & ~stands;
+        occupied |= stands, all_occupied &= stands;
+        free |= open, all_free &= open;
+      }
+    }
+    if (all_occupied == layer) return Kind::kOccupied;
+    if (all_free == layer) return Kind::kFree;
+    return ((occupied | free) & layer) == 0 ? Kind::kUnknown : Kind::kInner;
+  }
+
+  // Of all that is known in a node of this level.
+  static Kind kind_of(std::span<const VoxelCube> cubes, int level) {
+    if (cubes.empty()) return Kind::kUnknown;
+    const Kind first = kind_of(cubes[0], {0, 0, 0}, VoxelCube::kEdge);
+    const bool is_whole = std::ssize(cubes) == std::int64_t{1} << (3 * (level - kCubeLevel));
+    const bool is_one = is_whole && std::ranges::all_of(cubes, [first](const VoxelCube& cube) {
+                          return kind_of(cube, {0, 0, 0}, VoxelCube::kEdge) == first;
+                        });
+    return is_one ? first : Kind::kInner;
+  }
+
+  void write_node(const std::array<Kind, 8>& children) {
+    unsigned bits = 0;
+    for (std::size_t i = 0; i < children.size(); ++i) {
+      bits |= static_cast<unsigned>(children[i]) << (2 * i);
+      if (children[i] != Kind::kUnknown) ++num_nodes_;
+    }
+    nodes_ += static_cast<char>(bits & 0xff);
+    nodes_ += static_cast<char>(bits >> 8);
+  }
+
+  void write_tree(std::span<const VoxelCube> cubes, int level) {
+    if (level == kCubeLevel) return write_cube(cubes[0], {0, 0, 0}, VoxelCube::kEdge);
+    std::array<std::span<const VoxelCube>, 8> parts;
+    std::array<Kind, 8> kinds{};
+    for (unsigned i = 0; i < 8; ++i) {
+      const auto end =
+          std::ranges::partition_point(cubes, [&](const VoxelCube& cube) { return child_of(cube.corner, level) <= i; });
+      parts[i] = cubes.first(static_cast<std::size_t>(end - cubes.begin()));
+      cubes = cubes.subspan(parts[i].size());
+      kinds[i] = kind_of(parts[i], level - 1);
+    }
+    write_node(kinds);
+    for (std::size_t i = 0; i < 8; ++i)
+      if (kinds[i] == Kind::kInner) write_tree(parts[i], level - 1);
+  }
+
+  void write_cube(const VoxelCube& cube, const Eigen::Vector3i& low, int edge) {
+    std::array<Kind, 8> kinds{};
+    const int half = edge / 2;
+    const auto corner = [&](int i) { return Eigen::Vector3i(low + half * Eigen::Vector3i(i & 1, i >> 1 & 1, i >> 2)); };
+    for (int i = 0; i < 8; ++i) kinds[static_cast<std::size_t>(i)] = kind_of(cube, corner(i), half);
+    write_node(kinds);
+    for (int i = 0; i < 8; ++i)
+      if (kinds[static_cast<std::size_t>(i)] == Kind::kInner) write_cube(cube, corner(i), half);
+  }
+
+  std::int64_t num_nodes_ = 1;
+  std::string nodes_;
+};
+
+// Whether one comes before the other in a file: by the children of the first node that has both in different ones.
+bool is_before(const VoxelCube& a, const VoxelCube& b) {
+  Eigen::Vector3i differ;
+  for (int axis = 0; axis < 3; ++axis) differ[axis] = (a.corner[axis] + kMiddle) ^ (b.corner[axis] + kMiddle);
+  int axis = 2;  // decides where more than one differs in the highest bit
+  for (int other = 1; other >= 0; --other)
+    if (differ[other] > differ[axis] && differ[axis] < (differ[axis] ^ differ[other])) axis = other;
+  return a.corner[axis] < b.corner[axis];
+}
+
 }  // namespace
+
+std::string octomap_of(std::vector<VoxelCube> cubes, double resolution_m) {
+  std::erase_if(cubes, [](const VoxelCube& cube) {
+    const Eigen::Array3i corner = cube.corner.array();
+    return (corner < -kMiddle).any() || (corner >= kMiddle).any();
+  });
+  std::ranges::sort(cubes, is_before);
+  std::string file = std::string(kBinaryMagic) + "\nid OcTree\nsize ";
+  if (cubes.empty()) return file + "0\nres " + text_of(resolution_m) + "\ndata\n";
+  const TreeWriter tree(cubes);
+  file += std::to_string(tree.num_nodes()) + "\nres " + text_of(resolution_m) + "\ndata\n";
+  return file += tree.nodes();
+}
 
 std::unique_ptr<octomap::OcTree> read_octomap(const std::string& path) {
   try {

@@ -38,6 +38,13 @@ class StaticMap {
   // `voxel` is counted from geometry().origin.
   bool occupied(const Eigen::Vector3i& voxel) const { return grid_.occupied(0, voxel); }
 
+  // Whether `place` (W [m]) lies in an occupied voxel.
+  bool holds(const Eigen::Vector3d& place) const {
+    const GridGeometry& grid = grid_.geometry;
+    const Eigen::Vector3i voxel = grid.voxel_of(place);
+    return grid.contains(voxel) && grid_.occupied(0, voxel);
+  }
+
   // Whether an occupied voxel, the whole cube, comes closer than `radius_m` to `place` (W [m]). Of a map at the file's
   // own resolution and without a margin the cubes are those of the file.
   bool meets(const Eigen::Vector3d& place, double radius_m) const;

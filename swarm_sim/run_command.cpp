@@ -22,7 +22,7 @@ namespace swarm {
 namespace {
 
 struct RunOptions {
-  std::string world, mode = "lockstep", out;
+  std::string world, mode = "lockstep", out, keep_maps;
   FlightArguments flight;
   ProcessOptions processes;
 };
@@ -38,6 +38,9 @@ void declare(OptionSet& options, RunOptions& run) {
       });
   options.add("out", &run.out,
               "directory for world.json, trace.csv, report.json and the LCM logs; none: only the table is printed");
+  options.add("keep-maps", &run.keep_maps,
+              "directory in which robots with range sensors keep what they have seen to stand, from flight to flight: "
+              "robotK.bt (OctoMap); none: only while they fly");
   declare(options, run.flight);
   options.add("base-port", &run.processes.base_port, 1024, 60000, "",
               "processes: port of the swarm bus is this, robot k's onboard bus this + 33 + k, its own "
@@ -58,10 +61,12 @@ void declare(OptionSet& options, RunOptions& run) {
       "all are in this one");
 }
 
-// One line that renews itself on a terminal, and a line every ten simulated seconds elsewhere.
+// One line that renews itself on a terminal, and a line every ten simulated seconds elsewhere; and each touch at once.
 class ProgressLine {
  public:
   void show(double t_s, const Judge& judge) {
+    for (; touches_ < judge.touches().size(); ++touches_)
+      std::fprintf(stderr, "%s%s\n", terminal_ ? "\r" : "", line_of(judge.touches()[touches_]).c_str());
     std::size_t arrived = 0;
     for (const RobotVerdict& robot : judge.robots()) arrived += robot.flight_time_s ? 1 : 0;
     if (!terminal_ && t_s < next_s_) return;
@@ -76,6 +81,7 @@ class ProgressLine {
  private:
   bool terminal_ = ::isatty(STDERR_FILENO) != 0;
   double next_s_ = 0.0;
+  std::size_t touches_ = 0;  // that were said
 };
 
 volatile std::sig_atomic_t stopped = 0;
@@ -109,7 +115,8 @@ int run_command(int argc, const char* const* argv) try {
   OptionSet options("swarm_sim run", "Flies a world to its end and judges the flight by exact geometry.");
   declare(options, run);
   if (options.parse(argc, argv, std::cout) == OptionSet::Parsed::kExit) return 0;
-  const FlightOptions flight = flight_options(run.flight);  // bad input is found before anything is made
+  FlightOptions flight = flight_options(run.flight);  // bad input is found before anything is made
+  if (!run.keep_maps.empty()) flight.kept_maps = std::filesystem::absolute(run.keep_maps);
 
   const World read = read_listed_world(run.world);
   const TemporaryDirectory scratch("swarm_sim");
@@ -119,6 +126,8 @@ int run_command(int argc, const char* const* argv) try {
     static_map = OccupiedCubes::load(world.static_map);
     check_starts(world, *static_map);
   }
+  check_robots(world, flight);
+  if (!flight.kept_maps.empty()) std::filesystem::create_directories(flight.kept_maps);
   const std::filesystem::path out = run.out;
   std::optional<BusLog> logs;
   std::optional<FlightTrace> trace;

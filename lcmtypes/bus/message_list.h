@@ -30,5 +30,6 @@
   MESSAGE(corridors_t, SWARM_ON(kCorridors, "CORRIDORS", kOnboard), SWARM_ARRAY(num_faces, faces, 18, kMaxFaces))     \
   MESSAGE(map_status_t, SWARM_ON(kMapStatus, "MAP_STATUS", kOnboard))                                                 \
   MESSAGE(perception_status_t, SWARM_ON(kPerceptionStatus, "PERCEPTION_STATUS", kOnboard))                            \
+  MESSAGE(map_request_t, SWARM_ON(kSaveMap, "SAVE_MAP", kOnboard))                                                    \
   MESSAGE(planner_status_t, SWARM_ON(kPlannerStatus, "PLANNER_STATUS", kOnboard))                                     \
   MESSAGE(broadcast_status_t, SWARM_ON(kBroadcastStatus, "BROADCAST_STATUS", kOnboard))

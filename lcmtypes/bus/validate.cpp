@@ -191,8 +191,14 @@ Refusal validate(const map_status_t& m) {
 
 Refusal validate(const perception_status_t& m) {
   return verdict(within(m.state, perception_status_t::kRunning, perception_status_t::kNoPose) &&
-                 amounts_ok(std::array{m.scans, m.points, m.masked, m.moving, m.standing, m.jumps, m.blind}) &&
+                 within(m.map_state, perception_status_t::kNoMap, perception_status_t::kMapNotWritten) &&
+                 amounts_ok(std::array{m.scans, m.points, m.masked, m.moving, m.standing, m.jumps, m.blind,
+                                       m.map_blocks, m.maps_written}) &&
                  amounts_ok(m.refused) && amounts_ok(std::array{m.rate_hz, m.scan_ms}));
+}
+
+Refusal validate(const map_request_t&) {
+  return Refusal::kNone;
 }
 
 Refusal validate(const planner_status_t& m) {

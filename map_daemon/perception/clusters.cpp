@@ -29,7 +29,7 @@ void ClusterFinder::for_each_near(const Run& run, int reach, const Visit& visit)
   }
 }
 
-void ClusterFinder::collect_runs(const FreeSpaceGrid& grid) {
+void ClusterFinder::collect_runs(const FreeSpaceGrid& grid, bool steps) {
   if (first_run_.empty()) first_run_.assign(std::size_t{kEdge} * kEdge, -1);
   for (const Run& run : runs_) cell(run.x, run.y) = -1;
   runs_.clear();
@@ -39,7 +39,7 @@ void ClusterFinder::collect_runs(const FreeSpaceGrid& grid) {
     std::uint64_t rest = grid.surfaces(column);
     // What stands seems to step to and fro by a voxel, where poses err.
     std::uint64_t beside = 0;
-    for (int x = std::max(place.x() - 1, 0); x <= std::min(place.x() + 1, kEdge - 1); ++x)
+    for (int x = std::max(place.x() - 1, 0); steps && x <= std::min(place.x() + 1, kEdge - 1); ++x)
       for (int y = std::max(place.y() - 1, 0); y <= std::min(place.y() + 1, kEdge - 1); ++y)
         beside |= grid.lasting(grid.column_of(x, y));
     beside |= beside << 1 | beside >> 1;
@@ -91,8 +91,9 @@ void ClusterFinder::join_runs() {
   }
 }
 
-const std::vector<Cluster>& ClusterFinder::find(const FreeSpaceGrid& grid, std::span<const Eigen::Vector3d> places) {
-  collect_runs(grid);
+const std::vector<Cluster>& ClusterFinder::find(const FreeSpaceGrid& grid, std::span<const Eigen::Vector3d> places,
+                                                bool steps) {
+  collect_runs(grid, steps);
   take_runs();
   join_runs();
   clusters_.clear();

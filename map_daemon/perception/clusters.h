@@ -21,9 +21,11 @@ class ClusterFinder {
  public:
   // Of the surfaces that `grid` was shown in this scan, by what it knew before; `places` are these. Left out are what
   // is flat and was never free (the ground), what a single ray met, and what is too far. Valid until the next call.
-  const std::vector<Cluster>& find(const FreeSpaceGrid& grid, std::span<const Eigen::Vector3d> places);
+  // `steps`: what stands may seem to step to and fro by a voxel.
+  const std::vector<Cluster>& find(const FreeSpaceGrid& grid, std::span<const Eigen::Vector3d> places,
+                                   bool steps = true);
 
-  // One of these places: nothing was there before, and nothing stood beside it.
+  // One of these places: nothing was there before, and nothing stood beside it that may seem to step there.
   bool has_moved(int point) const { return has_moved_[static_cast<std::size_t>(point)] != 0; }
 
  private:
@@ -36,7 +38,7 @@ class ClusterFinder {
     bool taken;
   };
 
-  void collect_runs(const FreeSpaceGrid& grid);
+  void collect_runs(const FreeSpaceGrid& grid, bool steps);
   void take_runs();
   void join_runs();
   int root(int run);

@@ -208,6 +208,15 @@ void FreeSpaceGrid::finish(Utime utime) {
   surface_columns_.clear();
 }
 
+void FreeSpaceGrid::recall(int column, std::uint64_t standing) {
+  Column& known = columns_[static_cast<std::size_t>(column)];
+  const std::uint64_t word =
+      std::rotl(standing, geometry_.origin.z() & (kHeight - 1)) & ~(known.seen() | known.occupied());
+  known.certainty[0] |= word;
+  known.lasting |= word;
+  known.lasting_before |= word;
+}
+
 void FreeSpaceGrid::forget_old(Utime utime) {
   const auto is_over = [utime](Utime since, Duration stretch) { return utime < since || utime >= since + stretch; };
   if (is_over(seen_since_, memory_ / 2)) {

@@ -35,6 +35,9 @@ class FreeSpaceGrid {
   // A surface of what moves: it is not kept as occupied.
   void mark_moving(const Eigen::Vector3d& place);
   void finish(Utime utime);
+  // What was known to stand in this column, in the order of the window: where nothing else is known it stands, until it
+  // is seen free.
+  void recall(int column, std::uint64_t standing);
   // The clock was set by `step`.
   void shift(Duration step) { seen_since_ += step, lasting_since_ += step; }
 

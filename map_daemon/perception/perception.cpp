@@ -19,6 +19,8 @@ constexpr double kLeastShare = 0.3,
                  kRoundShare = 0.8;  // of the points on the circle: of a track that is known, of a new one
 constexpr double kCurved = 1.5, kSurelyCurved = 4.0;  // of what ends at both sides, or at one
 constexpr double kSmall_m = 0.5;                      // and what is no larger may be half hidden
+constexpr double kNarrow_m = 0.6, kLarge_m = 5.0;     // what is wider is no pole; and no bar, but of a building
+constexpr int kThin = 3;                              // voxels of a bar, one above the other
 constexpr double kLeft_m = 0.15;                      // so far from where it was seen first it moves for certain
 constexpr double kNearby_m = 1.0;                     // nothing comes so near unseen
 constexpr double kWellKnown = 40.0;                   // points that measured a radius
@@ -32,6 +34,7 @@ constexpr double kMostGate_m = 0.5;
 constexpr double kTile_m = 0.8;        // what is not round and moved is taken in pieces of this size
 constexpr double kShapeless_m = 0.08;  // standard deviation of where the middle of such a piece is
 constexpr std::size_t kLeastPoints = 4, kFitPoints = 160;
+constexpr double kWall_m = 0.15;    // what is seen so near to a wall that is known is the wall
 constexpr double kAround_m = 0.15;  // surfaces so near to what moves are of it
 
 }  // namespace
@@ -42,14 +45,17 @@ bool moves(const Track& track) {
 }
 
 Perception::Perception(const PerceptionConfig& config)
-    : config_(config), grid_(config.resolution_m, to_duration(config.memory_s)), tracker_(config.tracks) {}
+    : config_(config),
+      static_map_(config.static_map.empty() ? StaticMap() : StaticMap(config.static_map, config.resolution_m, kWall_m)),
+      grid_(config.resolution_m, to_duration(config.memory_s)),
+      tracker_(config.tracks) {}
 
 void Perception::update(const RangeScan& scan, std::span<const PeerMask::Ball> robots,
                         const sogm_swarm::header_t& header) {
   look(scan, robots);
   expect_tracks(scan.utime);
   pieces_.clear();
-  for (const Cluster& cluster : finder_.find(grid_, surfaces_)) divide(cluster, scan);
+  for (const Cluster& cluster : finder_.find(grid_, surfaces_, config_.explores)) divide(cluster, scan);
   for (sogm_swarm::obstacles_t* report : {&seen_, &report_}) {
     report->header = header;
     report->header.utime = to_us(scan.utime);
@@ -80,15 +86,19 @@ void Perception::look(const RangeScan& scan, std::span<const PeerMask::Ball> rob
   has_begun_ = true;
   for (const RangeScan::Ray& ray : scan.free) grid_.see_free(ray.from, ray.to);
   surfaces_.clear();
+  points_ = static_cast<int>(scan.surfaces.size());
+  masked_ = 0;
   for (const Eigen::Vector3d& place : scan.surfaces) {
     const bool is_robot = std::ranges::any_of(robots, [&](const PeerMask::Ball& ball) {
       return (place - ball.center).squaredNorm() <= ball.radius_m * ball.radius_m;
     });
-    if (is_robot) continue;
-    surfaces_.push_back(place);
+    if (is_robot) {
+      ++masked_;
+      continue;
+    }
     grid_.see_surface(place);
+    if (!static_map_.holds(place)) surfaces_.push_back(place);
   }
-  masked_ = static_cast<int>(scan.surfaces.size() - surfaces_.size());
 }
 
 void Perception::expect_tracks(Utime utime) {
@@ -104,6 +114,7 @@ void Perception::expect_tracks(Utime utime) {
 }
 
 void Perception::divide(const Cluster& cluster, const RangeScan& scan) {
+  if (cluster.points.empty()) return;  // a wall that is known
   std::vector<const Expected*> near;
   for (const Expected& track : expected_) {
     const double reach_m = track.form->radius.radius_m + track.gate_m;
@@ -152,7 +163,9 @@ bool Perception::fit_track(const Expected& track, const RangeScan& scan, Piece* 
                     share >= (track.form->is_round ? kLeastShare : kRoundShare);
   if (!piece->is_round) {  // or something stands beside it
     if (const auto found = find_round(from_above_, scan.origin.head<2>(), noise_m)) {
-      piece->is_round = (found->center - track.center).norm() <= 2.0 * track.gate_m;
+      const RadiusPrior& known = track.form->radius;
+      const bool fits = known.weight <= kCutWeight || std::abs(found->radius.radius_m - known.radius_m) <= kBeside_m;
+      piece->is_round = fits && (found->center - track.center).norm() <= 2.0 * track.gate_m;
       fit = *found;
     }
   }
@@ -172,7 +185,7 @@ bool Perception::fit_track(const Expected& track, const RangeScan& scan, Piece* 
     if (is_off) left->push_back(point);
     return is_off;
   });
-  if (piece->points.size() < kLeastPoints || !has_moved(piece->points)) return false;
+  if (piece->points.size() < kLeastPoints || (config_.explores && !has_moved(piece->points))) return false;
   surround(piece);
   return true;
 }
@@ -187,7 +200,8 @@ void Perception::add_new_pieces(const Cluster& cluster, const RangeScan& scan, s
   if (fit_new(scan, &whole)) return pieces_.push_back(std::move(whole));
   add_rounds(cluster, scan, &whole.points);
   // What stands is drawn as it was seen.
-  if (whole.points.size() >= kLeastPoints && has_moved(whole.points)) add_tiles(cluster, whole.points);
+  if (whole.points.size() < kLeastPoints) return;
+  if (has_moved(whole.points) || (!config_.explores && is_alone(cluster, scan))) add_tiles(cluster, whole.points);
 }
 
 void Perception::add_rounds(const Cluster& cluster, const RangeScan& scan, std::vector<int>* points) {
@@ -257,11 +271,19 @@ bool Perception::has_moved(const std::vector<int>& points) const {
          std::ssize(points);
 }
 
+// It hangs together with nothing else: it is seen to end on both sides, and is narrow, or ends above and below.
+bool Perception::is_alone(const Cluster& cluster, const RangeScan& scan) const {
+  const double wide_m = (cluster.high - cluster.low).head<2>().norm();
+  const bool ends = 2 * cluster.open_above <= cluster.num_columns && 2 * cluster.open_below <= cluster.num_columns;
+  const bool is_thin = ends && cluster.voxels <= kThin * cluster.num_columns;
+  return wide_m <= (is_thin ? kLarge_m : kNarrow_m) && sides_of(cluster.points, scan).free == 2;
+}
+
 // Walls are full of what could be a side of a column: what was always there must be seen to end.
 bool Perception::may_move(const RoundFit& fit, const RangeScan& scan, Piece* piece) {
   const Sides sides = sides_of(piece->points, scan);
   piece->is_cut = sides.free < 2;
-  if (has_moved(piece->points)) return true;
+  if (!config_.explores || has_moved(piece->points)) return true;
   const double curved = curvature(seen_from_above(piece->points), fit);
   piece->is_alone = sides.free == 2 && curved > kSurelyCurved;
   if (sides.free == 2) return curved > kCurved;
@@ -393,7 +415,7 @@ void Perception::report_piece(const Piece& piece, const RangeScan& scan) {
   const bool has_gone = has_left(piece, form), was_told = std::exchange(form.is_told, false);
   form.moved = form.moved || has_gone || has_moved(piece.points);
   // What could go at any moment is told of until it is seen to stay.
-  form.is_told = form.moved || (piece.is_alone && !has_stood(piece));
+  form.is_told = !config_.explores || form.moved || (piece.is_alone && !has_stood(piece));
   if (has_gone && !was_told) {  // how fast is known already
     const Track& track = *std::ranges::find(tracker_.tracks(), piece.id, &Track::id);
     Eigen::Map<Eigen::Vector3d>(obstacle.velocity) = track.obstacle.velocity;

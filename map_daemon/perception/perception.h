@@ -5,13 +5,16 @@
 #include <cstdint>
 #include <map>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "map_daemon/perception/clusters.h"
 #include "map_daemon/perception/free_space_grid.h"
+#include "map_daemon/perception/kept_map.h"
 #include "map_daemon/perception/peer_mask.h"
 #include "map_daemon/perception/range_scan.h"
 #include "map_daemon/perception/round_fit.h"
+#include "map_daemon/static_map.h"
 #include "map_daemon/tracker.h"
 #include "sogm_swarm/obstacles_t.hpp"
 
@@ -23,6 +26,8 @@ struct PerceptionConfig {
   double memory_s = 10.0;     // what was not seen for so long is unknown
   double body_m = 0.2;        // so near to a sensor nothing is but the robot
   double begin_m = 0.45;      // and so near to where it looks first: somebody put the robot there
+  std::string static_map;     // OctoMap file of what stands and is no obstacle; empty: none
+  bool explores = true;       // besides it there is a building: what is seen stands until it is seen to move
   double pose_m = 0.01;       // of the sensor's position
   double pose_rad = 0.005;    // and of its direction
   TrackerConfig tracks;
@@ -33,6 +38,7 @@ bool moves(const Track& track);
 
 class Perception {
  public:
+  // Throws what StaticMap throws.
   explicit Perception(const PerceptionConfig& config);
 
   // One scan. `robots`: what in it is no obstacle. `header`: of the report.
@@ -51,8 +57,10 @@ class Perception {
     return form != forms_.end() && form->second.is_told;
   }
   bool is_moving(const Track& track) const { return is_told(track) && moves(track); }
-  int points() const { return static_cast<int>(surfaces_.size()) + masked_; }
+  int points() const { return points_; }
   int masked() const { return masked_; }
+  // What was known to stand stands where nothing else is known.
+  void recall(const KeptMap& map) { map.recall(&grid_); }
   // Where the sensors were is not known any more.
   void forget();
   // The clock was set by `step`.
@@ -108,6 +116,7 @@ class Perception {
   static RadiusPrior prior_of(const RadiusPrior& known, bool cut);
   bool fit_new(const RangeScan& scan, Piece* piece);
   bool has_moved(const std::vector<int>& points) const;
+  bool is_alone(const Cluster& cluster, const RangeScan& scan) const;
   bool has_left(const Piece& piece, const Form& form) const;
   bool has_stood(const Piece& piece) const;
   bool may_move(const RoundFit& fit, const RangeScan& scan, Piece* piece);
@@ -118,6 +127,7 @@ class Perception {
   std::span<const Eigen::Vector2d> seen_from_above(const std::vector<int>& points);
 
   PerceptionConfig config_;
+  StaticMap static_map_;  // and what is so near to it that it is of it
   FreeSpaceGrid grid_;
   ClusterFinder finder_;
   Tracker tracker_;
@@ -127,7 +137,7 @@ class Perception {
 
   // Of the newest scan.
   std::vector<Eigen::Vector3d> surfaces_;
-  int masked_ = 0;
+  int points_ = 0, masked_ = 0;
   std::vector<Expected> expected_;
   std::vector<Piece> pieces_;
   std::vector<Eigen::Vector2d> from_above_;

@@ -14,6 +14,7 @@ namespace {
 
 constexpr Duration kMaxAge = 500ms;  // of scans
 constexpr Duration kStatusPeriod = 1s, kSilence = 300ms;
+constexpr Duration kMapPeriod = 500ms;   // the map learns so often what was seen
 constexpr double kLeastMeasured = 0.02;  // of its rays; a scan of less is blind
 
 }  // namespace
@@ -28,6 +29,12 @@ void declare(OptionSet& options, PerceptionNodeConfig& config) {
   options.add("memory", &perception.memory_s, 0.2, 60, "s", "what was not seen for so long is unknown");
   options.add("body", &perception.body_m, 0, 3, "m", "so near to a sensor nothing is but the robot");
   options.add("begin", &perception.begin_m, 0, 3, "m", "and so near to where it begins: the robot was put there");
+  options.add("static-map", &perception.static_map,
+              "OctoMap file (.bt or .ot) of what stands and is no obstacle; empty: none");
+  options.add(
+      "explores", &perception.explores,
+      "much of what is seen is a building that --static-map does not tell: it stands until it was seen to move. "
+      "false: whatever is not in the map may move at any moment, and is told of at once");
   options.add("lidar-noise", &perception.scan.lidar_noise_m, 0.001, 1, "m", "standard deviation of a LiDAR's ranges");
   options.add("depth-noise", &perception.scan.depth_noise_m, 0.001, 1, "m", "standard deviation of a camera's depths");
   options.add("depth-noise-growth", &perception.scan.depth_noise_per_m, 0, 1, "1/m",
@@ -43,6 +50,10 @@ void declare(OptionSet& options, PerceptionNodeConfig& config) {
   options.add("peer-timeout", &config.peer_timeout_s, 0.05, 60, "s", "a robot not heard for so long is an obstacle");
   options.add("max-jump", &config.max_jump_m, 0.01, 100, "m", "a sensor whose pose jumps further has lost its way");
   options.add("max-speed", &config.max_speed_mps, 0.1, 100, "m/s", "of a sensor: what is faster is a jump");
+  options.add(
+      "map", &config.map,
+      "OctoMap file (.bt) of what stands: read at the start, written at the end and when tools/map save asks for "
+      "it; empty: nothing is kept");
   options.add("clock-limit", &config.clock_limit_s, 0.001, 10, "s", "messages from further in the future are refused");
 }
 
@@ -63,15 +74,27 @@ PerceptionNode::PerceptionNode(const PerceptionNodeConfig& config, std::int32_t 
       space_headers_(config.robot_id, boot),
       status_headers_(config.robot_id, boot),
       robots_(config.peer_margin_m, to_duration(config.peer_timeout_s)),
-      perception_(config.perception) {
+      perception_(config.perception),
+      kept_(config.perception.resolution_m) {
   verify(config);
+  if (config.map.empty()) return;
+  map_file_.emplace(config.map);
+  kept_ = map_file_->read(config.perception.resolution_m);
+}
+
+PerceptionNode::~PerceptionNode() {
+  if (!map_file_ || scans_ == 0) return;
+  kept_.learn(perception_.seen_space());
+  map_file_->finish();
+  map_file_->write(kept_);
 }
 
 std::vector<Subscription> PerceptionNode::subscriptions() const {
   return {{BusId::kOnboard, channel::kDepthImage},
           {BusId::kOnboard, channel::kLidarScan},
           {BusId::kOnboard, channel::kOwnTrajectory},
-          {BusId::kOnboard, channel::kPeerTrajectory}};
+          {BusId::kOnboard, channel::kPeerTrajectory},
+          {BusId::kOnboard, channel::kSaveMap}};
 }
 
 void PerceptionNode::on_message(Utime now, BusId, std::string_view channel, std::span<const std::uint8_t> bytes,
@@ -83,6 +106,8 @@ void PerceptionNode::on_message(Utime now, BusId, std::string_view channel, std:
     refusal = on_scan(now, bytes);
   } else if (channel == channel::kOwnTrajectory || channel == channel::kPeerTrajectory) {
     refusal = on_announcement(now, channel == channel::kOwnTrajectory, bytes);
+  } else if (channel == channel::kSaveMap) {
+    refusal = on_map_request(now, bytes);
   }
   if (refusal != Refusal::kNone) refused_.count(refusal);
 }
@@ -155,6 +180,13 @@ Refusal PerceptionNode::on_announcement(Utime now, bool own, std::span<const std
   return refusal;
 }
 
+Refusal PerceptionNode::on_map_request(Utime now, std::span<const std::uint8_t> bytes) {
+  sogm_swarm::map_request_t request;
+  const Refusal refusal = receive(bytes, FromRobot{config_.robot_id}, window(now), map_requests_, &request);
+  if (refusal == Refusal::kNone) is_map_asked_for_ = true;
+  return refusal;
+}
+
 bool PerceptionNode::on_clock_step(Utime, Duration step) {
   robots_.shift(step);
   perception_.shift(step);
@@ -183,6 +215,10 @@ Activity PerceptionNode::activity(Utime now) const {
 Utime PerceptionNode::step(Utime now, Outbox& outbox) {
   for (Sensor& sensor : sensors_)
     if (sensor.is_new) process(&sensor, outbox);
+  if (map_file_ && is_map_asked_for_ && !map_file_->is_writing()) {
+    (void)map_file_->begin_writing(kept_);
+    is_map_asked_for_ = false;
+  }
   if (now >= status_.due(now, kStatusPeriod)) {
     publish_status(now, outbox);
     status_.done(now);
@@ -197,10 +233,24 @@ void PerceptionNode::process(Sensor* sensor, Outbox& outbox) {
   outbox.publish(BusId::kOnboard, channel::kObstacles, perception_.report());
   for (const sogm_swarm::sogm_t& part : encoder_.encode(perception_.seen_space(), space_headers_.next(utime)))
     outbox.publish(BusId::kOnboard, channel::kSeenSpace, part);
+  if (map_file_) keep_map(utime);
   sensor->is_new = false;
   last_scan_utime_ = utime;
   ++scans_;
   if (stopwatch_) scan_ms_ = to_ms(stopwatch_() - begun);
+}
+
+void PerceptionNode::keep_map(Utime utime) {
+  if (utime < map_exchange_.due(utime, kMapPeriod)) return;
+  kept_.learn(perception_.seen_space());
+  perception_.recall(kept_);
+  map_exchange_.done(utime);
+}
+
+std::int16_t PerceptionNode::map_state() const {
+  if (!map_file_) return perception_status_t::kNoMap;
+  if (map_file_->has_failed()) return perception_status_t::kMapNotWritten;
+  return kept_.is_full() ? perception_status_t::kMapFull : perception_status_t::kMapKept;
 }
 
 void PerceptionNode::publish_status(Utime now, Outbox& outbox) {
@@ -216,6 +266,9 @@ void PerceptionNode::publish_status(Utime now, Outbox& outbox) {
     ++(perception_.is_moving(track) ? status.moving : status.standing);
   status.jumps = jumps_;
   status.blind = blind_;
+  status.map_state = map_state();
+  status.map_blocks = static_cast<std::int32_t>(kept_.blocks());
+  status.maps_written = map_file_ ? map_file_->written() : 0;
   refused_.copy_to(status.refused);
   outbox.publish(BusId::kOnboard, channel::kPerceptionStatus, status);
   scans_at_last_status_ = scans_;

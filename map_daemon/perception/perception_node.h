@@ -5,6 +5,7 @@
 #include <array>
 #include <cstdint>
 #include <optional>
+#include <string>
 #include <string_view>
 #include <vector>
 
@@ -14,6 +15,8 @@
 #include "lcmtypes/bus/option_set.h"
 #include "lcmtypes/bus/receive.h"
 #include "lcmtypes/bus/recurring.h"
+#include "map_daemon/perception/kept_map.h"
+#include "map_daemon/perception/map_file.h"
 #include "map_daemon/perception/peer_mask.h"
 #include "map_daemon/perception/perception.h"
 #include "map_daemon/sogm_codec.h"
@@ -28,6 +31,7 @@ struct PerceptionNodeConfig {
   double max_jump_m = 0.5;      // of a sensor's pose between scans, beyond what max_speed explains
   double max_speed_mps = 10.0;
   double clock_limit_s = 0.1;  // messages from further in the future are refused
+  std::string map;             // OctoMap file (.bt) that is read at the start, kept, and written; empty: none
 };
 
 void declare(OptionSet& options, PerceptionNodeConfig& config);
@@ -36,8 +40,12 @@ void verify(const PerceptionNodeConfig& config);
 class PerceptionNode : public Node {
  public:
   // `boot`: grows at every start. `stopwatch` null: durations are 0; they are published only with `publish_durations`.
+  // Throws what MapFile throws.
   PerceptionNode(const PerceptionNodeConfig& config, std::int32_t boot, Stopwatch stopwatch = nullptr,
                  bool publish_durations = true);
+  ~PerceptionNode() override;  // writes the map
+  PerceptionNode(const PerceptionNode&) = delete;
+  PerceptionNode& operator=(const PerceptionNode&) = delete;
 
   std::vector<Subscription> subscriptions() const override;
   void on_message(Utime now, BusId bus, std::string_view channel, std::span<const std::uint8_t> bytes,
@@ -48,6 +56,7 @@ class PerceptionNode : public Node {
 
   const RefusalCounts& refused() const { return refused_; }
   const Perception& perception() const { return perception_; }
+  const KeptMap& kept_map() const { return kept_; }
 
  private:
   struct Sensor {
@@ -63,10 +72,13 @@ class PerceptionNode : public Node {
   Refusal on_image(Utime now, std::span<const std::uint8_t> bytes);
   Refusal on_scan(Utime now, std::span<const std::uint8_t> bytes);
   Refusal on_announcement(Utime now, bool own, std::span<const std::uint8_t> bytes);
+  Refusal on_map_request(Utime now, std::span<const std::uint8_t> bytes);
   TimeWindow window(Utime now) const;
   // A whole scan was read: whether it can be used.
   Refusal take(Sensor* sensor);
   void process(Sensor* sensor, Outbox& outbox);
+  void keep_map(Utime utime);
+  std::int16_t map_state() const;       // perception_status_t::k...
   std::int16_t state(Utime now) const;  // perception_status_t::k...
   void publish_status(Utime now, Outbox& outbox);
 
@@ -80,7 +92,11 @@ class PerceptionNode : public Node {
   std::map<int, SequenceGate> announcement_gates_;  // by robot
   Perception perception_;
   SogmEncoder encoder_;
-  Recurring status_;
+  std::optional<MapFile> map_file_;
+  KeptMap kept_;
+  bool is_map_asked_for_ = false;
+  SequenceGate map_requests_;
+  Recurring status_, map_exchange_;
   Utime last_scan_utime_{};
   bool jumped_ = false;  // the newest scan
   std::int32_t scans_ = 0, scans_at_last_status_ = 0, jumps_ = 0, blind_ = 0;

@@ -13,6 +13,18 @@ std::string known_map(const World& world) {
   return world.sensor.known_map == "none" ? std::string() : world.static_map.string();
 }
 
+// Where the robot keeps its map.
+std::string kept_map(const WorldRobot& robot, const FlightOptions& options) {
+  return options.kept_maps.empty() ? std::string()
+                                   : (options.kept_maps / ("robot" + std::to_string(robot.id) + ".bt")).string();
+}
+
+// The map that the robot's guidance begins with: of an earlier flight, where it knows no other.
+std::string map_of_guidance(const World& world, const WorldRobot& robot, const FlightOptions& options) {
+  const std::string known = known_map(world), kept = kept_map(robot, options);
+  return known.empty() && !kept.empty() && std::filesystem::exists(kept) ? kept : known;
+}
+
 }  // namespace
 
 MapConfig map_config(const World& world, const WorldRobot& robot, const FlightOptions& options) {
@@ -25,9 +37,12 @@ MapConfig map_config(const World& world, const WorldRobot& robot, const FlightOp
   return config;
 }
 
-PerceptionNodeConfig perception_config(const World&, const WorldRobot& robot, const FlightOptions& options) {
+PerceptionNodeConfig perception_config(const World& world, const WorldRobot& robot, const FlightOptions& options) {
   PerceptionNodeConfig config = options.perception;
   config.robot_id = robot.id;
+  config.map = kept_map(robot, options);
+  config.perception.static_map = known_map(world);
+  config.perception.explores = world.sensor.known_map == "none";
   return config;
 }
 
@@ -35,7 +50,7 @@ PlannerNodeConfig planner_config(const World& world, const WorldRobot& robot, co
   PlannerNodeConfig config = options.planner;
   config.robot_id = robot.id;
   config.planner.space.radius_m = robot.radius_m;
-  config.planner.static_map = known_map(world);
+  config.planner.static_map = map_of_guidance(world, robot, options);
   SearchLimits& limits = config.planner.limits;
   static_cast<MotionLimits&>(limits) = limits_of(world, robot);
   // The ground and the ceiling are solid. The sides are not: starts and goals may lie on them, and a robot needs room
@@ -67,6 +82,8 @@ std::span<const char* const> daemons_in(const World& world) {
 }
 
 void check_robots(const World& world, const FlightOptions& options) {
+  if (!options.kept_maps.empty() && !world.sensor.is_ranging())
+    throw OptionError("keep-maps: robots make no maps without --sensor lidar or depth");
   for (const Kill& kill : options.kills) {
     (void)index_of_robot(world, kill.robot_id, "kill");
     if (kill.daemon >= daemons_in(world).size())

@@ -5,7 +5,9 @@
 // link model, in the one on a simulated bus, in the other as a relay. Stands on environment/ and results/.
 #pragma once
 
+#include <filesystem>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "map_daemon/map_node.h"
@@ -25,8 +27,9 @@ struct FlightOptions {
   PerceptionNodeConfig perception;
   PlannerNodeConfig planner;
   BroadcastConfig broadcast;
-  LinkOptions link;              // between robots
-  double clock_offset_ms = 0.0;  // the lowest id's clock is so much behind the highest's; the others lie between
+  std::filesystem::path kept_maps;  // where robots with range sensors read and write their maps; empty: they keep none
+  LinkOptions link;                 // between robots
+  double clock_offset_ms = 0.0;     // the lowest id's clock is so much behind the highest's; the others lie between
   std::vector<Kill> kills;
   std::vector<ClockStep> clock_steps;
 };

@@ -141,6 +141,12 @@ void write_report(const RunReport& report, const std::filesystem::path& path) {
   write_file(path, to_json(report).dump(1, ' ', false, ordered_json::error_handler_t::replace) + "\n");
 }
 
+std::string line_of(const Touch& touch) {
+  return "robot " + std::to_string(touch.robot) + (touch.at_rest ? ", at rest," : "") + " touched " +
+         to_string(touch.counterpart) + (touch.other < 0 ? "" : " " + std::to_string(touch.other)) + " at " +
+         fixed(touch.t_s, 2) + " s";
+}
+
 std::string summary_table(const RunReport& report) {
   std::string text = report.world + ": " + to_string(report.outcome) + " after " + fixed(report.duration_s, 2) +
                      " s (" + report.mode + ", " + fixed(report.wall_s, 2) + " s of wall time)\n";
@@ -152,14 +158,7 @@ std::string summary_table(const RunReport& report) {
         .append(", of which meet others: ")
         .append(std::to_string(report.forced_conflicts))
         .append("\n");
-  for (const Touch& touch : report.touches) {
-    const std::string other = touch.other < 0 ? "" : std::to_string(touch.other);
-    text.append("  robot ")
-        .append(std::to_string(touch.robot))
-        .append(" touched ")
-        .append(to_string(touch.counterpart));
-    text.append(other.empty() ? "" : " ").append(other).append(" at ").append(fixed(touch.t_s, 2)).append(" s\n");
-  }
+  for (const Touch& touch : report.touches) text.append("  ").append(line_of(touch)).append("\n");
   for (const RobotReport& robot : report.robots) {
     if (!robot.is_unreachable || robot.verdict.flight_time_s) continue;
     text.append("  robot ").append(std::to_string(robot.verdict.id)).append(": no way leads to its goal\n");

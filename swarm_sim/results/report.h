@@ -83,6 +83,9 @@ nlohmann::ordered_json to_json(const RunReport& report);
 // Writes report.json whole or not at all. Throws std::runtime_error with path and reason.
 void write_report(const RunReport& report, const std::filesystem::path& path);
 
+// "robot 1 touched obstacle 3 at 4.20 s".
+std::string line_of(const Touch& touch);
+
 // A small aligned table: outcome, a line per robot, planning times.
 std::string summary_table(const RunReport& report);
 

@@ -194,7 +194,8 @@ TYPED_TEST(CodecTest, RefusesNumbersThatAreNotFinite) {
     }
     value = good;
   });
-  EXPECT_GT(fields, 0);
+  EXPECT_EQ(fields > 0, (!std::same_as<TypeParam, sogm_swarm::map_request_t>))
+      << "but for the one that is a header only";
   EXPECT_EQ(judge<TypeParam>(encoded(message)), Refusal::kNone);
 }
 

@@ -106,6 +106,7 @@ TEST(Validate, Ranges) {
   EXPECT_RANGE(lidar_scan_t, position[0], -1e5, 1e5);
   EXPECT_RANGE(lidar_scan_t, num_parts, 1, 16);
   EXPECT_RANGE(perception_status_t, state, 0, 2);
+  EXPECT_RANGE(perception_status_t, map_state, 0, 3);
   EXPECT_RANGE(planner_status_t, state, 0, 5);
   EXPECT_RANGE(planner_status_t, outcome, 0, 2);
   EXPECT_RANGE(broadcast_status_t, state, 0, 6);
@@ -132,6 +133,8 @@ TEST(Validate, ScansMakeSense) {
   EXPECT_EQ(status([](auto& m) { m.jumps = -1; }), kValue);
   EXPECT_EQ(status([](auto& m) { m.scan_ms = -1.0f; }), kValue);
   EXPECT_EQ(status([](auto& m) { m.refused[4] = -1; }), kValue);
+  EXPECT_EQ(status([](auto& m) { m.map_blocks = -1; }), kValue);
+  EXPECT_EQ(status([](auto& m) { m.maps_written = -1; }), kValue);
 }
 
 TEST(Validate, CountersAndAmountsAreNotNegative) {

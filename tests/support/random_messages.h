@@ -136,8 +136,11 @@ inline void make(Random& random, int, perception_status_t* m) {
   m->state = static_cast<std::int16_t>(integer(random, 0, 2));
   m->scans = m->points = m->masked = m->moving = m->standing = m->jumps = m->blind = integer(random, 0, 1 << 22);
   m->rate_hz = m->scan_ms = static_cast<float>(real(random, 0, 1e3));
+  m->map_state = static_cast<std::int16_t>(integer(random, 0, 3));
+  m->map_blocks = m->maps_written = integer(random, 0, 1 << 15);
   fill(random, m->refused);
 }
+inline void make(Random&, int, map_request_t*) {}
 inline void make(Random& random, int elements, goal_t* m) {
   m->num_waypoints = std::clamp(elements, 1, 1000);
   m->waypoints.resize(static_cast<std::size_t>(m->num_waypoints));
@@ -267,6 +270,8 @@ template <class F>
 void each_real(perception_status_t& m, F f) {
   each(f, m.rate_hz, m.scan_ms);
 }
+template <class F>
+void each_real(map_request_t&, F) {}
 template <class F>
 void each_real(goal_t& m, F f) {
   for (waypoint_t& w : m.waypoints) each(f, w.position, w.tolerance, w.speed, w.wait);

@@ -3,9 +3,14 @@
 
 #include <gtest/gtest.h>
 
+#include <chrono>
+#include <filesystem>
 #include <limits>
 #include <sstream>
+#include <thread>
 
+#include "lcmtypes/bus/temporary_directory.h"
+#include "map_daemon/octomap_file.h"
 #include "tests/support/column_scan.h"
 #include "tests/support/harness.h"
 
@@ -97,6 +102,51 @@ TEST(PerceptionNode, WhatStandsIsSeenToStand) {
   for (const auto& part : node.out.all<sogm_swarm::sogm_t>(channel::kSeenSpace)) (void)assembler.add(part, &seen);
   EXPECT_TRUE(seen.occupied(0, seen.geometry.voxel_of({1.7, 0, 1.0})));
   EXPECT_EQ(node.status().standing, 1);
+}
+
+TEST(PerceptionNode, TheMapIsWrittenWhenItIsAskedForAndAtTheEndAndReadAtTheStart) {
+  const TemporaryDirectory directory("perception_node_test");
+  PerceptionNodeConfig config = Perceiving::own();
+  config.map = (directory.path() / "map.bt").string();
+  const auto stands = [&](const Eigen::Vector3d& place) {
+    const auto tree = read_octomap(config.map);
+    const octomap::OcTreeNode* node = tree->search(place.x(), place.y(), place.z());
+    return node != nullptr && tree->isNodeOccupied(*node);
+  };
+  {
+    Perceiving node(config);
+    const auto look = [&](double column_y, int scans) {
+      for (int i = 0; i < scans; ++i) {
+        node.send(channel::kLidarScan, node.scan({0.03, 0.04, 1.05}, column_y));
+        node.run_for(0.1);
+      }
+    };
+    look(0.0, 45);
+    EXPECT_FALSE(std::filesystem::exists(config.map));
+    EXPECT_EQ(node.status().maps_written, 0);
+    sogm_swarm::map_request_t request{};
+    request.header = make_header(kOwnId, 1, 1, node.now);
+    node.send(channel::kSaveMap, request);
+    node.send(channel::kSaveMap, request);  // repeated: refused
+    EXPECT_EQ(node.refused(Refusal::kSequence), 1);
+    for (int i = 0; i < 200 && node.status().maps_written == 0; ++i)
+      std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    EXPECT_EQ(node.status().maps_written, 1);
+    EXPECT_EQ(node.status().map_state, perception_status_t::kMapKept);
+    EXPECT_GT(node.status().map_blocks, 10);
+    EXPECT_TRUE(stands({1.75, 0.05, 1.05}));
+    look(1.5, 45);
+    EXPECT_FALSE(stands({1.75, 1.45, 1.05}));
+  }
+  EXPECT_TRUE(stands({1.75, 1.45, 1.05})) << "written at the end";
+  EXPECT_FALSE(stands({1.75, 0.05, 1.05})) << "it is gone";
+  Perceiving next(config);
+  for (int i = 0; i < 2; ++i) {  // from so high above it that its beams pass
+    next.send(channel::kLidarScan, next.scan({-1.0, 3.0, 3.55}, 5.0));
+    next.run_for(0.1);
+  }
+  const Sogm& seen = next.node.perception().seen_space();
+  EXPECT_TRUE(seen.occupied(0, seen.geometry.voxel_of({1.75, 1.45, 1.05}))) << "it was not seen, but is known";
 }
 
 TEST(PerceptionNode, DepthImagesAreSeenAsWell) {

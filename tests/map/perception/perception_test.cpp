@@ -4,7 +4,11 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <string>
 
+#include <octomap/OcTree.h>
+
+#include "lcmtypes/bus/temporary_directory.h"
 #include "tests/support/column_scan.h"
 #include "tests/support/start_time.h"
 
@@ -205,6 +209,36 @@ TEST(Perception, AWallIsNoTrack) {
     EXPECT_FALSE(moves(track));
     EXPECT_GT(std::abs(track.obstacle.position.y()), 2.0) << "but at its ends, which may be columns";
   }
+}
+
+// A wall of columns, and something else that is not round either; neither was seen to move.
+TEST(Perception, WhoKnowsTheMapTellsOfAllElseAtOnce) {
+  std::vector<Column> wall, thing;
+  for (int i = 0; i < 60; ++i) wall.push_back({{3.0, -3.0 + 0.1 * i}, 0.08, 0.0, 2.5});
+  for (int i = 0; i < 5; ++i) thing.push_back({{1.5, -0.2 + 0.1 * i}, 0.04, 0.0, 1.8});
+  std::vector<Column> all = wall;
+  all.insert(all.end(), thing.begin(), thing.end());
+  const TemporaryDirectory directory("perception_test");
+  octomap::OcTree tree(0.1);
+  for (int i = 0; i < 62; ++i)
+    for (int z = 0; z < 25; ++z)
+      tree.updateNode(
+          octomap::point3d(2.95f, -3.05f + 0.1f * static_cast<float>(i), 0.05f + 0.1f * static_cast<float>(z)), true);
+  const std::string map = (directory / "wall.bt").string();
+  ASSERT_TRUE(tree.writeBinary(map));
+
+  PerceptionConfig knowing, exploring;
+  knowing.explores = false;
+  knowing.static_map = map;
+  Looking knows(knowing), explores(exploring);
+  for (int i = 0; i < 15; ++i) knows.look(all), explores.look(all);
+  EXPECT_GE(knows.perception.report().num_obstacles, 1);
+  for (const sogm_swarm::obstacle_t& obstacle : knows.perception.report().obstacles)
+    EXPECT_NEAR(obstacle.position[0], 1.5, 0.4) << "the wall is none";
+  EXPECT_TRUE(knows.stands({2.95, 2.5, 1.0})) << "but it stands";
+  EXPECT_GT(knows.perception.points(), 500) << "and its points count";
+  EXPECT_EQ(explores.perception.report().num_obstacles, 0);
+  EXPECT_TRUE(explores.stands({1.5, 0.0, 1.0}));
 }
 
 TEST(Perception, SomebodyWhoComesOutOfAWallIsTracked) {
