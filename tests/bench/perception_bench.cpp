@@ -21,6 +21,7 @@ struct Options {
   int obstacles = 15, worlds = 5;
   double duration_s = 20.0, noise_m = 0.0, noise_deg = 0.0, speed_mps = 1.0, circle_mps = 1.5, diameter_m = 0.45;
   double pose_m = 0.01, pose_rad = 0.005, acceleration_mps2 = 0.5;
+  bool explores = true;
 };
 
 struct Sample {
@@ -60,6 +61,7 @@ void fly(const Options& options, int number, Sample* sample) {
   RangeSensors sensor(world, 0);
   RayCaster caster(world, nullptr);
   PerceptionConfig config;
+  config.explores = options.explores;
   config.pose_m = options.pose_m;
   config.pose_rad = options.pose_rad;
   config.tracks.acceleration_mps2 = options.acceleration_mps2;
@@ -162,6 +164,7 @@ int run(int argc, char** argv) {
   set.add("pose-m", &options.pose_m, 0, 1, "m", "what perception takes the one to be");
   set.add("pose-rad", &options.pose_rad, 0, 1, "rad", "and the other");
   set.add("acceleration", &options.acceleration_mps2, 0, 10, "m/s^2", "of tracks");
+  set.add("explores", &options.explores, "perception_daemon's: what was not seen to move stands");
   set.add("speed", &options.speed_mps, 0, 10, "m/s", "of the columns");
   set.add("circle", &options.circle_mps, 0, 10, "m/s", "of the robot");
   set.add("diameter", &options.diameter_m, 0.05, 2, "m", "of the columns");
