@@ -164,7 +164,9 @@ bool Perception::fit_track(const Expected& track, const RangeScan& scan, Piece* 
   if (!piece->is_round) {  // or something stands beside it
     if (const auto found = find_round(from_above_, scan.origin.head<2>(), noise_m)) {
       const RadiusPrior& known = track.form->radius;
-      const bool fits = known.weight <= kCutWeight || std::abs(found->radius.radius_m - known.radius_m) <= kBeside_m;
+      // Arcs of rings are no columns; in a building, radii that were found on walls are worth nothing.
+      const bool fits = config_.explores || known.weight <= kCutWeight ||
+                        std::abs(found->radius.radius_m - known.radius_m) <= kBeside_m;
       piece->is_round = fits && (found->center - track.center).norm() <= 2.0 * track.gate_m;
       fit = *found;
     }
