@@ -56,7 +56,6 @@ class PerceptionNode : public Node {
 
   const RefusalCounts& refused() const { return refused_; }
   const Perception& perception() const { return perception_; }
-  const KeptMap& kept_map() const { return kept_; }
 
  private:
   struct Sensor {
