@@ -1,25 +1,31 @@
 #include "planner_daemon/rehearsal.h"
 
 #include <array>
+#include <cstdlib>
 #include <vector>
 
 namespace swarm {
 namespace {
 
 constexpr Utime kNow{1'000s};
-constexpr std::array kSpacings = {12, 8, 20,
-                                  30, 1, 0};  // voxels between pillars; 1: they close the world, 0: there are none
-constexpr int kPlansEach = 2;                 // in flight, and hovering
-constexpr int kPillar = 4, kSpeed = 2;        // voxels: their edge, and so far they go from frame to frame
+struct Pillars {
+  int spacing;  // voxels; 1: they close the world, 0: there are none
+  int speed;    // voxels a frame along x
+};
+constexpr std::array<Pillars, 7> kWorlds = {{{12, 2}, {8, 2}, {20, 2}, {30, 2}, {1, 2}, {0, 2}, {20, 0}}};
+constexpr int kPlansEach = 2;  // in flight, and hovering: at the goal, or stuck where they stand
+constexpr int kPillar = 4;     // voxels: their edge
 constexpr int kPeers = 4;
+constexpr Duration kStuck = 3s;  // whoever came no nearer for so long looks for a way out
 
-// Pillars that move along x.
-void set_pillars(int spacing, Sogm* world) {
+// In the middle of the window there is none at first.
+void set_pillars(const Pillars& pillars, Sogm* world) {
   const GridGeometry& grid = world->geometry;
-  for (int frame = 0; spacing > 0 && frame < world->num_frames; ++frame) {
+  const auto is_in_pillar = [&](int way) { return std::abs(way) % pillars.spacing >= pillars.spacing - kPillar; };
+  for (int frame = 0; pillars.spacing > 0 && frame < world->num_frames; ++frame) {
     for (int x = 0; x < grid.size.x(); ++x) {
       for (int y = 0; y < grid.size.y(); ++y) {
-        if ((x + kSpeed * frame) % spacing < kPillar && y % spacing < kPillar)
+        if (is_in_pillar(x - grid.size.x() / 2 + pillars.speed * frame) && is_in_pillar(y - grid.size.y() / 2))
           set_run(0, grid.size.z(), grid.size.z(), world->column(frame, x, y));
       }
     }
@@ -52,7 +58,8 @@ bool Rehearsal::plan(const Sogm& map, Planner* planner) {
   const Eigen::Vector3d velocity = limits_.v_max_mps * Eigen::Vector3d(0.7, 0.5, 0.0);
   Sogm world;
   world.reset(grid, map.num_frames, kNow, map.frame_duration);
-  set_pillars(kSpacings[static_cast<std::size_t>(plans_ / kPlansEach)], &world);
+  const Pillars& pillars = kWorlds[static_cast<std::size_t>(plans_ / kPlansEach)];
+  set_pillars(pillars, &world);
   std::vector<Peer> peers(kPeers);
   for (int k = 0; k < kPeers; ++k) {
     const int row = k / 2;
@@ -62,17 +69,27 @@ bool Rehearsal::plan(const Sogm& map, Planner* planner) {
     peer.pending = flight(beside, velocity);
     peer.silent = k == 0;
   }
-  const bool hovers = plans_ % kPlansEach == 1;
+  const bool hovers = plans_ % kPlansEach == 1, is_stuck = hovers && pillars.speed == 0;
   PlanRequest request;
   request.sogm = &world;
   request.peers = &peers;
   request.own = {hovers ? Trajectory::hover(1, kNow - 1s, place) : flight(place, velocity), {}};
   request.start_utime = kNow + 50ms;
-  request.goal = hovers ? place : in_flight_space(place + size / 2);
+  if (is_stuck) {
+    const double way_m = 1.5 * pillars.spacing * grid.resolution_m;  // between pillars
+    request.goal = in_flight_space(place + Eigen::Vector3d(way_m, way_m, 0));
+  } else {
+    request.goal = hovers ? place : in_flight_space(place + size / 2);
+  }
   (void)planner->plan(request);
+  if (is_stuck) {
+    world.start_utime += kStuck;
+    request.start_utime += kStuck;
+    (void)planner->plan(request);
+  }
   planner->prepare(request);
   planner->forget();
-  return ++plans_ < kPlansEach * std::ssize(kSpacings);
+  return ++plans_ < kPlansEach * std::ssize(kWorlds);
 }
 
 }  // namespace swarm

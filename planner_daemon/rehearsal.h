@@ -6,8 +6,8 @@
 
 namespace swarm {
 
-// Flies from the middle of a window, and hovers there, in made-up worlds: sparse, dense, closed and empty ones, with
-// peers.
+// Flies from the middle of a window, hovers there, and gets stuck, in made-up worlds: sparse, dense, closed, empty and
+// still ones, with peers.
 class Rehearsal {
  public:
   explicit Rehearsal(const SearchLimits& limits) : limits_(limits) {}

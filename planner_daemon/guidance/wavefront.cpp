@@ -17,7 +17,9 @@ void Wavefront::lay_out(const Eigen::Vector3i& size, int cell) {
   cell_at_.resize(static_cast<std::size_t>(64 * words_));
   for (std::size_t z = 0; z < cell_at_.size(); ++z)
     cell_at_[z] = static_cast<std::uint16_t>(z / static_cast<std::size_t>(cell));
-  std::size_t room = 0;  // whose turn comes when a bucket is full depends on the front: all get the same
+  // Whose turn comes when a bucket is full depends on the front: all get the same. As a rule no front is longer than
+  // that.
+  std::size_t room = static_cast<std::size_t>(8 * (size.x() + size.y()) * words_);
   for (const auto& entries : ring_) room = std::max(room, entries.capacity());
   for (auto& entries : ring_) {
     entries.clear();

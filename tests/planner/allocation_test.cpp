@@ -144,6 +144,41 @@ TEST(Allocation, RehearsedPlansFindTheirMemory) {
   EXPECT_LT(rehearsed, first / 20);
 }
 
+// Whoever got stuck looks for a way out voxel by voxel: the first time as well.
+TEST(Allocation, RehearsedWaysOutFindTheirMemory) {
+  PlannerConfig config;
+  config.limits.space_min = {-4.9, -4.9, -0.9};
+  config.limits.space_max = {4.9, 4.9, 0.9};
+  Sogm map = empty_map({10, 10, 2}, 0.1, 20, kStart, 100ms);
+  const GridGeometry& grid = map.geometry;
+  for (int frame = 0; frame < map.num_frames; ++frame) {  // a wall, with a gap at its end
+    for (int y = 10; y < grid.size.y(); ++y)
+      set_run(0, grid.size.z(), grid.size.z(), map.column(frame, grid.size.x() / 2, y));
+  }
+  const std::vector<Peer> peers;
+  const auto bytes_of_way_out = [&](bool is_rehearsed) {
+    Planner planner(config);
+    Rehearsal rehearsal(config.limits);
+    while (is_rehearsed && rehearsal.plan(map, &planner)) continue;
+    Sogm now = map;
+    PlanRequest request;
+    request.sogm = &now;
+    request.peers = &peers;
+    request.own = {Trajectory::hover(1, kStart - 1s, {-1, 3, 0}), {}};
+    request.goal = {3, 3, 0};
+    bytes = 0;
+    for (int i = 0; i < 2; ++i) {  // the second time it came no nearer for three seconds
+      now.start_utime = kStart + i * 3s;
+      request.start_utime = now.start_utime + 50ms;
+      (void)allocations_of([&] { (void)planner.plan(request); });
+    }
+    return bytes.load();
+  };
+  const std::size_t rehearsed = bytes_of_way_out(true), first = bytes_of_way_out(false);
+  EXPECT_GT(first, 1'000'000u);
+  EXPECT_LT(rehearsed, first / 20) << first;
+}
+
 }  // namespace
 }  // namespace swarm
 #else

@@ -68,11 +68,48 @@ class Clock:
         self.memory[:] = struct.pack("=q", round(seconds * 1e9))
 
 
+class Standstills:
+    """Whether the machine itself stands still, as virtual ones do: then nobody on it can give a sign. A process with a
+    higher real-time priority than all others tells how long it had to wait."""
+
+    PERIOD_S, WORTH_S = 0.005, 0.05
+
+    def __init__(self):
+        self.memory = mmap.mmap(-1, 16)  # shared with the child: in all, the longest [s]
+        self.process = os.fork()
+        if self.process == 0:
+            self.watch()
+
+    def watch(self):
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(60))
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+        before, all_s, longest_s = time.monotonic(), 0.0, 0.0
+        while os.getppid() != 1:
+            time.sleep(self.PERIOD_S)
+            now = time.monotonic()
+            if now - before > self.WORTH_S:
+                all_s += now - before
+                longest_s = max(longest_s, now - before)
+                self.memory[:] = struct.pack("=dd", all_s, longest_s)
+            before = now
+        os._exit(0)
+
+    def all_s(self):
+        return struct.unpack("=dd", self.memory[:])[0]
+
+    def longest_s(self):
+        return struct.unpack("=dd", self.memory[:])[1]
+
+    def end(self):
+        os.kill(self.process, signal.SIGKILL)
+        os.waitpid(self.process, 0)
+
+
 class Daemon:
     """One daemon, kept alive as systemd would."""
 
-    def __init__(self, robot, name, arguments, out, clock, shim):
-        self.robot, self.name, self.clock, self.shim = robot, name, clock, shim
+    def __init__(self, robot, name, arguments, out, clock, shim, standstills):
+        self.robot, self.name, self.clock, self.shim, self.standstills = robot, name, clock, shim, standstills
         self.command = ["ip", "netns", "exec", PREFIX + str(robot), str(TOP / "build/bin" / name), *arguments]
         self.log = open(out / f"robot{robot}-{name}.log", "wb")
         self.socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
@@ -80,13 +117,23 @@ class Daemon:
         self.socket_path.unlink(missing_ok=True)
         self.socket.bind(str(self.socket_path))
         self.socket.setblocking(False)
-        self.process, self.down_since, self.start_at = None, time.monotonic(), 0.0
-        self.ready, self.last_sign, self.started = False, 0.0, 0.0
+        now = time.monotonic()
+        self.process, self.start_at = None, 0.0
+        self.down_since = self.last_sign = self.mark(now)
+        self.ready, self.started = False, now
         self.restarts, self.longest_s, self.unexpected = 0, 0.0, 0
         self.expected = True
 
     def __str__(self):
         return f"robot {self.robot}'s {self.name}"
+
+    def mark(self, now):
+        """(now, how long the machine stood still until now [s])."""
+        return now, self.standstills.all_s()
+
+    def since(self, mark, now):
+        """Seconds in which the machine ran."""
+        return now - mark[0] - (self.standstills.all_s() - mark[1])
 
     def start(self):
         environment = dict(
@@ -101,17 +148,18 @@ class Daemon:
             os.sched_setscheduler(self.process.pid, os.SCHED_FIFO, os.sched_param(20))
         else:
             os.setpriority(os.PRIO_PROCESS, self.process.pid, -5)
-        self.started = self.last_sign = time.monotonic()
+        self.started = time.monotonic()
+        self.last_sign = self.mark(self.started)
         self.ready = False
 
     def read(self, now):
         with contextlib.suppress(BlockingIOError):
             while True:
                 text = self.socket.recv(4096).decode()
-                self.last_sign = now
+                self.last_sign = self.mark(now)
                 if "READY=1" in text and not self.ready:
                     self.ready = True
-                    took = now - self.down_since
+                    took = self.since(self.down_since, now)
                     if self.restarts:
                         self.longest_s = max(self.longest_s, took)
                     self.restarts += 1
@@ -120,7 +168,7 @@ class Daemon:
         """What goes wrong now is meant: the daemon is down from here on. False: it is down already."""
         if self.process is None or not self.ready:
             return False
-        self.expected, self.down_since = True, time.monotonic()
+        self.expected, self.down_since = True, self.mark(time.monotonic())
         self.process.send_signal(number)
         return True
 
@@ -131,15 +179,15 @@ class Daemon:
         elif self.process.poll() is not None:
             if not self.expected:
                 self.unexpected += 1
-                self.down_since = now
+                self.down_since = self.mark(now)
                 print(f"soak: {self} ended by itself: {self.process.returncode}", file=sys.stderr)
             self.expected = False
             self.process, self.start_at = None, now + RESTART_S
-        elif now - self.last_sign > WATCHDOG_S:
+        elif self.since(self.last_sign, now) > WATCHDOG_S:
             if not self.expected:
                 self.unexpected += 1
                 self.down_since = self.last_sign
-                print(f"soak: {self} gave no sign for {now - self.last_sign:.2f} s", file=sys.stderr)
+                print(f"soak: {self} gave no sign for {self.since(self.last_sign, now):.2f} s", file=sys.stderr)
             self.expected = True
             self.process.kill()
 
