@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <array>
 #include <boost/asio/posix/stream_descriptor.hpp>
+#include <boost/asio/post.hpp>
 #include <boost/asio/steady_timer.hpp>
 #include <chrono>
 #include <cstdlib>
@@ -234,6 +235,25 @@ void RealtimeHost::deliver(const Node& node, const std::function<void(Utime, Out
   const auto seat = std::ranges::find_if(seats_, [&](const auto& other) { return other->holds(node); });
   if (seat == seats_.end()) throw std::invalid_argument("delivery to a node that is not in this host");
   (*seat)->deliver(with);
+}
+
+struct RealtimeHost::Watch {
+  boost::asio::steady_timer timer;
+  Duration period;
+  std::function<bool()> look;
+};
+
+void RealtimeHost::watch(Duration period, std::function<bool()> look) {
+  boost::asio::post(io_, [this, watch = std::make_shared<Watch>(boost::asio::steady_timer(io_), period,
+                                                                std::move(look))] { this->look(watch); });
+}
+
+void RealtimeHost::look(const std::shared_ptr<Watch>& watch) {
+  if (!watch->look()) return stop();
+  watch->timer.expires_after(watch->period);
+  watch->timer.async_wait([this, watch](const boost::system::error_code& error) {
+    if (!error) look(watch);
+  });
 }
 
 void RealtimeHost::run() {

@@ -49,11 +49,17 @@ class RealtimeHost {
   void run();
   void stop() { io_.stop(); }
 
+  // Calls look() at the beginning of run() and then every `period`, until it returns false: then run() ends.
+  void watch(Duration period, std::function<bool()> look);
+
   // For whatever else shall happen in the same thread.
   boost::asio::io_context& io() { return io_; }
 
  private:
   class Seat;
+  struct Watch;
+  void look(const std::shared_ptr<Watch>& watch);
+
   boost::asio::io_context io_;
   boost::asio::signal_set signals_;  // held from the start, so that a signal before run() ends run()
   std::vector<std::unique_ptr<Seat>> seats_;

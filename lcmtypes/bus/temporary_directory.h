@@ -13,9 +13,11 @@ namespace swarm {
 // Removes itself and what it holds.
 class TemporaryDirectory {
  public:
-  // Where the system keeps such things, as `name` and six letters. Throws std::runtime_error with that path.
-  explicit TemporaryDirectory(const std::string& name = "swarm") {
-    std::string pattern = (std::filesystem::temp_directory_path() / (name + ".XXXXXX")).string();
+  // In `parent`, by default where the system keeps such things, as `name` and six letters. Throws std::runtime_error
+  // with that path.
+  explicit TemporaryDirectory(const std::string& name = "swarm",
+                              const std::filesystem::path& parent = std::filesystem::temp_directory_path()) {
+    std::string pattern = (parent / (name + ".XXXXXX")).string();
     if (::mkdtemp(pattern.data()) == nullptr) throw std::runtime_error(pattern + ": cannot be made");
     path_ = pattern;
   }

@@ -28,7 +28,7 @@ Activity BroadcastNode::activity(Utime now) const {
     case broadcast_status_t::kTwin:
       return {true, "commits nothing: another broadcaster speaks as robot " + std::to_string(config_.robot_id), {}};
     case broadcast_status_t::kClock:
-      if (clock_is_stepped_) return {true, "commits nothing until it rests: the clock was set", {}};
+      if (offered_step_ != 0us) return {true, "commits only what is urgent until it rests: the clock was set", {}};
       if (doubt_.id < 0) return {true, "commits nothing: the clock was set", "peers' clocks are measured anew"};
       return {true, "commits nothing: clocks differ",
               "robot " + std::to_string(doubt_.id) + "'s is " + fixed(std::abs(to_ms(doubt_.ahead)), 1) + " ms " +

@@ -32,6 +32,15 @@ double wrap_angle(double angle) {
   return std::remainder(angle, 2 * std::numbers::pi);
 }
 
+// As it is by a clock that is `ahead`.
+void shift(Duration ahead, announcement_t* message) {
+  message->header.utime += ahead.count();
+  message->committed.start_utime += ahead.count();
+  if (message->pending_state == announcement_t::kNone) return;
+  message->pending.start_utime += ahead.count();
+  message->pending_stamp += ahead.count();
+}
+
 }  // namespace
 
 void declare(OptionSet& options, BroadcastConfig& config) {
@@ -58,7 +67,8 @@ void declare(OptionSet& options, BroadcastConfig& config) {
   options.add("clock-limit", &config.clock_limit_s, 0.001, 10, "s",
               "the robot's own messages from further in the future are refused");
   options.add("state-dir", &config.state_dir,
-              "directory where the robot's promises survive a crash of the daemon; none: they do not");
+              "directory, in memory as /run, where the robot's promises survive a crash of the daemon; none: they do "
+              "not");
 }
 
 void verify(const BroadcastConfig& config) {
@@ -112,14 +122,26 @@ void BroadcastNode::on_message(Utime now, BusId bus, std::string_view channel, s
   if (refusal != Refusal::kNone) refused_.count(refusal);
 }
 
-TimeWindow BroadcastNode::window(Utime now) const {
-  return {now, kMaxAge, to_duration(config_.clock_limit_s)};
+template <class T>
+Refusal BroadcastNode::receive_onboard(Utime now, std::span<const std::uint8_t> bytes, SequenceGate& gate, T* message,
+                                       Duration* ahead) const {
+  const auto receive_at = [&](Utime time) {
+    const TimeWindow window{time, kMaxAge, to_duration(config_.clock_limit_s)};
+    return receive(bytes, FromRobot{config_.robot_id}, window, gate, message);
+  };
+  *ahead = offered_step_;
+  const Refusal refusal = receive_at(now + offered_step_);
+  if (refusal != Refusal::kTime || offered_step_ == 0us) return refusal;
+  *ahead = 0us;  // on its way since before
+  return receive_at(now);
 }
 
 Refusal BroadcastNode::on_state(Utime now, std::span<const std::uint8_t> bytes) {
   sogm_swarm::robot_state_t state;
-  const Refusal refusal = receive(bytes, FromRobot{config_.robot_id}, window(now), state_gate_, &state);
+  Duration ahead;
+  const Refusal refusal = receive_onboard(now, bytes, state_gate_, &state, &ahead);
   if (refusal != Refusal::kNone) return refusal;
+  state.header.utime -= ahead.count();
   if (motion()) return track(now, state), Refusal::kNone;
   const Eigen::Vector3d position(state.position);
   Motion first = kept_.motion.value_or(Motion{Trajectory::hover(1, now, position), {}});
@@ -160,14 +182,14 @@ void BroadcastNode::keep(Utime now, announcement_t promise) {
 
 Refusal BroadcastNode::on_candidate(Utime now, std::span<const std::uint8_t> bytes) {
   sogm_swarm::candidate_t message;
-  const Refusal refusal = receive(bytes, FromRobot{config_.robot_id}, window(now), candidate_gate_, &message);
+  Duration ahead;
+  const Refusal refusal = receive_onboard(now, bytes, candidate_gate_, &message, &ahead);
   if (refusal != Refusal::kNone) return refusal;
   ++candidates_;
   advance(now);
-  const Trajectory candidate = Trajectory::from_wire(message.trajectory);
-  Rejection rejection = clock_is_stepped_         ? Rejection::kClock
-                        : identity_.has_twin(now) ? Rejection::kTwin
-                                                  : examine(now, candidate);
+  Trajectory candidate = Trajectory::from_wire(message.trajectory);
+  candidate.shift(-ahead);
+  Rejection rejection = identity_.has_twin(now) ? Rejection::kTwin : examine(now, candidate);
   if (rejection == Rejection::kNone) rejection = protocol_.propose(now, candidate, message.urgent != 0);
   ++rejected_[static_cast<std::size_t>(rejection)];
   if (in_vain_.count++ == 0) in_vain_.first = now;
@@ -249,7 +271,12 @@ void BroadcastNode::judge_peers(Utime now, Outbox& outbox) {
     if (judge_due(now, link) > now) return;
     link.may_be_judged = std::clamp(link.may_be_judged, now - gap_ / 2, now) + gap_ / 2;
     protocol_.receive(now, link.newest);
-    outbox.publish_bytes(BusId::kOnboard, channel::kPeerTrajectory, link.bytes);
+    if (offered_step_ == 0us) {
+      outbox.publish_bytes(BusId::kOnboard, channel::kPeerTrajectory, link.bytes);
+    } else {
+      shift(offered_step_, &link.newest);
+      outbox.publish(BusId::kOnboard, channel::kPeerTrajectory, link.newest);
+    }
     link.bytes.clear();
     if (identity_.outdo(now, protocol_.peers().at(id).our_boot, protocol_.commits() > 0)) {
       set_boot(identity_.boot());
@@ -286,10 +313,10 @@ void BroadcastNode::doubt_clock_of(int id, Utime now, Duration ahead) {
 }
 
 bool BroadcastNode::on_clock_step(Utime now, Duration step) {
-  clock_is_stepped_ = step != 0us;  // from here on nothing is committed
+  offered_step_ = step;  // from here on only what is urgent is committed
   advance(now);
   const bool rests = !motion() || motion()->end_utime() <= now;
-  clock_is_stepped_ = step != 0us && !rests;
+  if (rests) offered_step_ = 0us;
   if (step == 0us || !rests) return rests;
   const Utime then = now + step;
   tracking_.forget();
@@ -318,7 +345,7 @@ void BroadcastNode::advance(Utime now) {
 }
 
 void BroadcastNode::commit(Utime now) {
-  if (clock_is_stepped_ || identity_.has_twin(now) || !protocol_.may_commit(now)) return;
+  if (identity_.has_twin(now) || !protocol_.may_commit(now)) return;
   protocol_.commit([&](const announcement_t& promise) { return keep(now, promise), !store_fails_; });
   if (!store_fails_) in_vain_ = {};
 }
@@ -359,12 +386,13 @@ Utime BroadcastNode::step(Utime now, Outbox& outbox) {
 void BroadcastNode::announce(Utime now, Outbox& outbox) {
   announcement_t message = protocol_.state();
   message.header = announcement_headers_.next(now);
-  identity_.said(message.header);
+  identity_.said(message.header, offered_step_);
   if (const auto link = links_.find(told_about(message.header)); link != links_.end()) {
     const auto delay = link->second.clock.least_delay();
     if (delay) message.least_delay_us = static_cast<std::int32_t>(delay->count());
   }
   outbox.publish(BusId::kSwarm, channel::kTrajectory, message);
+  shift(offered_step_, &message);
   outbox.publish(BusId::kOnboard, channel::kOwnTrajectory, message);
   has_news_ = false;
   announcement_.done(now);

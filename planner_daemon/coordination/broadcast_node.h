@@ -90,13 +90,17 @@ class BroadcastNode : public Node {
   Utime judge_due(Utime now, Link& link) const;  // kNever: nothing waits
   void set_boot(std::int32_t boot);
   Refusal on_own(Utime now, std::span<const std::uint8_t> bytes);
-  TimeWindow window(Utime now) const;  // how old messages of the robot itself may be, and how far ahead
+  // Of the robot itself. Its other daemons follow the wall clock at once: where this one does not yet, their messages
+  // are in that time, and `ahead` is by how much.
+  template <class T>
+  Refusal receive_onboard(Utime now, std::span<const std::uint8_t> bytes, SequenceGate& gate, T* message,
+                          Duration* ahead) const;
   // What is wrong with a candidate as a motion of this robot.
   Rejection examine(Utime now, const Trajectory& candidate) const;
   void advance(Utime now);
   void commit(Utime now);                                    // what is agreed on
   void keep(Utime now, sogm_swarm::announcement_t promise);  // see store_fails_
-  bool clocks_agree(Utime now) const { return !clock_is_stepped_ && now > clock_doubt_until_; }
+  bool clocks_agree(Utime now) const { return offered_step_ == 0us && now > clock_doubt_until_; }
   void doubt_clock_of(int id, Utime now, Duration ahead);  // by so much it is ahead, or more
   std::int16_t state(Utime now) const;                     // one of broadcast_status_t's
   Activity flight_activity(Utime now) const;               // of one that may commit
@@ -122,10 +126,10 @@ class BroadcastNode : public Node {
   double yaw_rad_ = 0.0;
   bool store_fails_ = false;
 
-  Duration gap_{};                 // between announcements on average, at least: two may go at once
-  Utime news_may_go_{};            // no earlier
-  Utime clock_doubt_until_{};      // a peer's message came from the future, or its clock was found wrong
-  bool clock_is_stepped_ = false;  // the wall clock, which is followed when the robot rests
+  Duration gap_{};             // between announcements on average, at least: two may go at once
+  Utime news_may_go_{};        // no earlier
+  Utime clock_doubt_until_{};  // a peer's message came from the future, or its clock was found wrong
+  Duration offered_step_{};    // of the wall clock, which is followed when the robot rests; 0: it was not set
   bool has_news_ = false;
   Recurring news_, announcement_, setpoint_, status_;
   std::int32_t candidates_ = 0;

@@ -25,13 +25,13 @@ void Identity::set_clock(Utime now, Duration step) {
   silent_until_ += step;
 }
 
-void Identity::said(const sogm_swarm::header_t& header) {
-  said_[static_cast<std::size_t>(header.seq) % said_.size()] = header.utime;
+void Identity::said(const sogm_swarm::header_t& header, Duration ahead_onboard) {
+  said_[static_cast<std::size_t>(header.seq) % said_.size()] = {header.utime, header.utime + ahead_onboard.count()};
 }
 
 bool Identity::is_of_twin(Utime now, const sogm_swarm::header_t& header) {
-  const bool was_said_here =
-      header.boot == boot_ && said_[static_cast<std::size_t>(header.seq) % said_.size()] == header.utime;
+  const Said& said = said_[static_cast<std::size_t>(header.seq) % said_.size()];
+  const bool was_said_here = header.boot == boot_ && (header.utime == said.utime || header.utime == said.onboard_utime);
   const bool is_own = was_said_here || !began_ || to_utime(header.utime) <= std::max(*began_, now - kHeardLate);
   if (!is_own) beware_of_twin(now, header.boot);
   return !is_own;

@@ -22,8 +22,8 @@ class Identity {
   // It is `now` by another clock, which is ahead of the one before by `step`. What was said before is not another
   // one's.
   void set_clock(Utime now, Duration step);
-  // Of an announcement of this node.
-  void said(const sogm_swarm::header_t& header);
+  // Of an announcement of this node; on the onboard bus its time is `ahead_onboard`.
+  void said(const sogm_swarm::header_t& header, Duration ahead_onboard);
 
   // Whether an announcement under this robot's id is neither this node's nor an earlier start's. Then there is a twin
   // until 2 s after the last one.
@@ -39,13 +39,16 @@ class Identity {
   [[nodiscard]] bool outdo(Utime now, std::int32_t its_boot, bool has_flown);
 
  private:
+  struct Said {  // [us]
+    std::int64_t utime = 0, onboard_utime = 0;
+  };
   void beware_of_twin(Utime now, std::int32_t its_boot);
 
   int robot_id_;
   std::int32_t boot_;
   int num_peers_, num_outdone_ = 0;
-  std::optional<Utime> began_;             // this node, by its clock
-  std::array<std::int64_t, 1024> said_{};  // header.utime of the newest announcements, by header.seq
+  std::optional<Utime> began_;     // this node, by its clock
+  std::array<Said, 1024> said_{};  // header.utime of the newest announcements, by header.seq
   Utime twin_until_{}, silent_until_{};
 };
 

@@ -37,13 +37,14 @@ class MemoryPromiseStore : public PromiseStore {
   std::vector<std::uint8_t> bytes_;
 };
 
-// Two files, PATH and PATH.copy, each replaced as a whole: a damaged one leaves the other. They survive the daemon, not
-// necessarily the computer's power: waiting for the disk at every commit would hold up the setpoints, and a robot whose
-// computer lost power flies no trajectory any more. Nobody else can have it at the same time: PATH.lock is locked until
-// the store, or its process, is gone.
+// Two files, PATH and PATH.copy, each replaced as a whole: a damaged one leaves the other. They belong in memory
+// (/run), so that they survive the daemon but not the computer's power: who saves on a disk waits for it at every
+// commit, seconds long where others write much to it, with setpoints that wait as well; and a robot whose computer lost
+// power flies no trajectory any more. Nobody else can have it at the same time: PATH.lock is locked until the store, or
+// its process, is gone.
 class FilePromiseStore : public PromiseStore {
  public:
-  // Throws std::runtime_error with path and reason: another has it, or it cannot be locked.
+  // Throws std::runtime_error with path and reason: another has it, or it cannot be locked. Logs that it is on a disk.
   explicit FilePromiseStore(const std::filesystem::path& path);
   ~FilePromiseStore() override;
   FilePromiseStore(const FilePromiseStore&) = delete;

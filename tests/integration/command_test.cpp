@@ -118,6 +118,7 @@ TEST(RunCommand, BadOptionsAreRefusedByNameValueAndRule) {
   expect({"--kill", "map:9@1"}, {"kill", "no robot 9"});
   expect({"--link-outage", "9:1:2"}, {"link-outage", "no robot 9"});
   expect({"--kill", "map:9@1", "--mode", "processes"}, {"kill", "no robot 9"});
+  expect({"--keep-maps", directory / "maps"}, {"keep-maps", "--sensor lidar or depth"});
   expect({"--base-port", "80"}, {"--base-port 80", "[1024, 60000]"});
   expect({"--mode", "warp"}, {"--mode warp", "lockstep or processes"});
   expect({"--config", directory / "none.cfg"}, {"none.cfg", "cannot be read"});
@@ -130,6 +131,21 @@ TEST(RunCommand, BadOptionsAreRefusedByNameValueAndRule) {
   for (const char* mode : {"lockstep", "processes"}) {  // a file is in the way
     expect({"--mode", mode, "--out", world + "/run"}, {world + "/run"});
   }
+}
+
+// At once, and not only in the report: an obstacle flies through both robots where they stand.
+TEST(RunCommand, TouchesAreSaidWhenTheyHappen) {
+  TemporaryDirectory directory;
+  nlohmann::json json = nlohmann::json::parse(kGoodWorld);
+  json["obstacles"] = {
+      {{"shape", "column"}, {"center", {-4.0, 0}}, {"diameter", 0.8}, {"height", 4.0}, {"velocity", {20, 0}}}};
+  const std::string world = write_text(directory / "world.json", json.dump());
+  const Finished run = run_program({"swarm_sim", "run", world, "--time-limit", "1"}, 60.0);
+  EXPECT_EQ(run.exit_code, 1) << run.err;
+  const auto touch = run.err.find(" touched "), end = run.err.find("touches 0");
+  EXPECT_NE(touch, std::string::npos) << run.err;
+  EXPECT_NE(end, std::string::npos) << run.err << ": none had touched at the beginning";
+  EXPECT_LT(end, touch) << run.err;
 }
 
 TEST(WorldCommand, BadOptionsWriteNothing) {

@@ -121,6 +121,20 @@ TEST_F(LcmBusTest, HostRunsSeveralNodesUntilStopped) {
   EXPECT_GE(run_until_heard(host, test_url(5), "TICK", 3), 3);
 }
 
+// Until it has seen enough.
+TEST_F(LcmBusTest, HostLooksAgainAndAgainUntilItIsEnough) {
+  ToyNode node;
+  RealtimeHost host;
+  host.add("toy", node, test_url(4), test_url(6));
+  int looks = 0;
+  host.watch(20ms, [&looks] { return ++looks < 10; });
+  EXPECT_EQ(looks, 0);
+  const auto began = Clock::now();
+  host.run();
+  EXPECT_EQ(looks, 10);
+  EXPECT_GE(Clock::now() - began, 9 * 20ms);
+}
+
 // What does not come over a bus: the node speaks through the host all the same, and steps after it.
 TEST_F(LcmBusTest, HostDeliversToItsNodes) {
   ToyNode node, stranger;

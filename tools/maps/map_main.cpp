@@ -1,7 +1,8 @@
 // swarm_map: see save_node.h, map_picture.h and map_comparison.h.
 #include <spdlog/spdlog.h>
 
-#include <boost/asio/steady_timer.hpp>
+#include <algorithm>
+#include <cmath>
 #include <cstdlib>
 #include <iostream>
 #include <memory>
@@ -40,35 +41,6 @@ int robot_of(const std::string& word) {
   return std::stoi(word);
 }
 
-// Looks at all of them until each has written its map or time is up; says what became of it. True: all have.
-class Watch {
- public:
-  Watch(RealtimeHost& host, const std::vector<std::unique_ptr<SaveNode>>& nodes, double patience_s)
-      : host_(host), nodes_(nodes), left_s_(patience_s), timer_(host.io()) {
-    look();
-  }
-
- private:
-  void look() {
-    constexpr double kPeriod_s = 0.1;
-    bool waits = false;
-    for (const auto& node : nodes_)
-      waits =
-          waits || node->progress() == SaveNode::Progress::kSilent || node->progress() == SaveNode::Progress::kAsked;
-    left_s_ -= kPeriod_s;
-    if (!waits || left_s_ <= 0.0) return host_.stop();
-    timer_.expires_after(to_duration(kPeriod_s));
-    timer_.async_wait([this](const boost::system::error_code& error) {
-      if (!error) look();
-    });
-  }
-
-  RealtimeHost& host_;
-  const std::vector<std::unique_ptr<SaveNode>>& nodes_;
-  double left_s_;
-  boost::asio::steady_timer timer_;
-};
-
 std::string outcome_of(const SaveNode& node, const std::string& url) {
   switch (node.progress()) {
     case SaveNode::Progress::kSilent:
@@ -100,7 +72,12 @@ int save(const MapOptions& options) {
     nodes.push_back(std::make_unique<SaveNode>(robot_of(options.words[i]), new_boot()));
     host.add("swarm_map", *nodes.back(), url_of(nodes.back()->robot_id()), "");
   }
-  const Watch watch(host, nodes, options.patience_s);
+  constexpr Duration kPeriod = 100ms;
+  const auto looks = std::ceil(options.patience_s / to_seconds(kPeriod));
+  host.watch(kPeriod, [&, look = 0]() mutable {  // until each has answered, or time is up
+    const auto waits = [](const auto& node) { return node->progress() <= SaveNode::Progress::kAsked; };
+    return std::ranges::any_of(nodes, waits) && ++look < looks;
+  });
   host.run();
   bool all = true;
   for (const auto& node : nodes) {

@@ -1,7 +1,6 @@
 // swarm_goal: see goal_order.h and goal_node.h.
 #include <spdlog/spdlog.h>
 
-#include <boost/asio/steady_timer.hpp>
 #include <cstdlib>
 #include <iostream>
 #include <memory>
@@ -59,29 +58,20 @@ std::string line_of(const GoalNode& node, const std::string& url) {
   }
 }
 
-// Looks at all of them, says what has changed, and ends the host.
+// Looks at all of them, and says what has changed.
 class Watch {
  public:
-  Watch(RealtimeHost& host, const std::vector<std::unique_ptr<GoalNode>>& nodes, const std::string& url,
-        bool until_arrival, double patience_s)
-      : host_(host),
-        nodes_(nodes),
-        url_(url),
-        until_arrival_(until_arrival),
-        patience_s_(patience_s),
-        timer_(host.io()) {
+  static constexpr Duration kPeriod = 100ms;
+
+  Watch(const std::vector<std::unique_ptr<GoalNode>>& nodes, const std::string& url, bool until_arrival,
+        double patience_s)
+      : nodes_(nodes), url_(url), until_arrival_(until_arrival), patience_s_(patience_s) {
     said_.resize(nodes.size());
-    look();
   }
   bool failed() const { return failed_; }
 
- private:
-  // Whether it has come as far as is asked for.
-  bool is_done(const GoalNode& node) const {
-    return node.progress() == Progress::kArrived || (!until_arrival_ && node.progress() == Progress::kFlies);
-  }
-
-  void look() {
+  // Once each kPeriod. False: it is over.
+  bool look() {
     const bool is_over = waited_s_ >= patience_s_;
     bool all_done = true, all_known = true;
     for (std::size_t i = 0; i < nodes_.size(); ++i) {
@@ -91,16 +81,15 @@ class Watch {
       all_known &= progress == Progress::kFlies || progress == Progress::kArrived;
       if (progress == Progress::kFlies || progress == Progress::kArrived || is_over) say(i, line_of(node, url_));
     }
-    if (all_done || (is_over && !all_known)) {
-      failed_ = !all_done;
-      return host_.stop();
-    }
-    constexpr double kPeriod_s = 0.1;
-    waited_s_ = all_known ? 0.0 : waited_s_ + kPeriod_s;
-    timer_.expires_after(to_duration(kPeriod_s));
-    timer_.async_wait([this](const boost::system::error_code& error) {
-      if (!error) look();
-    });
+    failed_ = is_over && !all_known && !all_done;
+    waited_s_ = all_known ? 0.0 : waited_s_ + to_seconds(kPeriod);
+    return !all_done && !failed_;
+  }
+
+ private:
+  // Whether it has come as far as is asked for.
+  bool is_done(const GoalNode& node) const {
+    return node.progress() == Progress::kArrived || (!until_arrival_ && node.progress() == Progress::kFlies);
   }
 
   void say(std::size_t robot, const std::string& line) {
@@ -109,13 +98,11 @@ class Watch {
     std::cout << line << std::endl;
   }
 
-  RealtimeHost& host_;
   const std::vector<std::unique_ptr<GoalNode>>& nodes_;
   std::string url_;
   bool until_arrival_, failed_ = false;
   double patience_s_, waited_s_ = 0.0;  // for what is not known to fly
   std::vector<std::string> said_;
-  boost::asio::steady_timer timer_;
 };
 
 int run(int argc, char** argv) {
@@ -148,7 +135,8 @@ int run(int argc, char** argv) {
     nodes.push_back(std::make_unique<GoalNode>(order, new_boot()));
     host.add("swarm_goal", *nodes.back(), url_of(order, url), "");
   }
-  const Watch watch(host, nodes, url, until_arrival, patience_s);
+  Watch watch(nodes, url, until_arrival, patience_s);
+  host.watch(Watch::kPeriod, [&watch] { return watch.look(); });
   host.run();
   return watch.failed() ? EXIT_FAILURE : EXIT_SUCCESS;
 }

@@ -81,6 +81,15 @@ class PlainGrid {
     for (auto& seen : sights_) seen.clear();
     note_what_is_not_occupied();
   }
+  // It stood there, long before; of what is known that says nothing. Whether it stands now.
+  bool recall(const Eigen::Vector3i& voxel) {
+    const auto at = voxels.find(voxel);
+    if (at != voxels.end() && (is_seen(at->second) || at->second.certainty > 0)) return false;
+    PlainVoxel& known = voxels.try_emplace(voxel, PlainVoxel{.seen_in = seen_stretch_ - 3}).first->second;
+    known.certainty = 1;
+    known.not_occupied_in = lasting_stretch_ - 2;
+    return true;
+  }
   bool is_seen(const PlainVoxel& known) const { return known.seen_in >= seen_stretch_ - 2; }
 
   std::map<Eigen::Vector3i, PlainVoxel, ByAxes> voxels;
@@ -171,6 +180,24 @@ class TwoGrids {
     grid_.finish(now_);
     plain_.finish(now_);
   }
+  // In columns that rays meet, and in others.
+  void recall() {
+    for (int i = 0; i < 12; ++i) {
+      const auto& [begin, way] = rays_[static_cast<std::size_t>(uniform_int(rng_, 0, 24))];
+      const GridGeometry& window = grid_.geometry();
+      const Eigen::Vector3i at = (i % 2 == 0 ? begin + way / 2 : random_voxel(63, 30)) - window.origin;
+      if (!is_in_window({at.x(), at.y(), 0})) continue;
+      std::uint64_t standing = 0;
+      for (int k = 0; k < 5; ++k) {
+        const int z =
+            i % 2 == 0 && k < 2 ? std::clamp(at.z() + k, 0, kGridHeight - 1) : uniform_int(rng_, 0, kGridHeight - 1);
+        if ((standing >> z & 1) != 0) continue;
+        standing |= std::uint64_t{1} << z;
+        (plain_.recall(window.origin + Eigen::Vector3i(at.x(), at.y(), z)) ? recalled : known_better) += 1;
+      }
+      grid_.recall(grid_.column_of(at.x(), at.y()), standing);
+    }
+  }
   void compare() {
     occupied += expect_same(grid_, &FreeSpaceGrid::occupied, plain_, [](auto& known) { return known.certainty > 0; });
     ever_free += expect_same(grid_, &FreeSpaceGrid::ever_free, plain_, [](auto& known) { return known.ever_free; });
@@ -179,7 +206,7 @@ class TwoGrids {
     for (const auto& [voxel, known] : plain_.voxels) both += known.certainty > 0 && known.ever_free ? 1 : 0;
   }
 
-  int occupied = 0, ever_free = 0, both = 0, forgotten = 0;  // voxels, of all scans
+  int occupied = 0, ever_free = 0, both = 0, forgotten = 0, recalled = 0, known_better = 0;  // voxels, of all scans
 
  private:
   Eigen::Vector3i random_voxel(int xy, int z) {
@@ -213,18 +240,20 @@ class TwoGrids {
 };
 
 TEST(FreeSpaceGrid, KnowsOfEachVoxelWhatPlainNumbersSay) {
-  int occupied = 0, ever_free = 0, both = 0, forgotten = 0;
+  int occupied = 0, ever_free = 0, both = 0, forgotten = 0, recalled = 0, known_better = 0;
   for (unsigned seed = 0; seed < 8; ++seed) {
     TwoGrids grids(seed);
     for (int k = 0; k < 150 && !testing::Test::HasFailure(); ++k) {
       SCOPED_TRACE(testing::Message() << "seed " << seed << " scan " << k);
       grids.move(k % 70 == 69);
       grids.scan();
+      if (seed % 2 == 1 && k % 5 == 0) grids.recall();
       grids.compare();
     }
     occupied += grids.occupied, ever_free += grids.ever_free, both += grids.both, forgotten += grids.forgotten;
+    recalled += grids.recalled, known_better += grids.known_better;
   }
-  for (const int count : {occupied, ever_free, both, forgotten}) EXPECT_GT(count, 300);
+  for (const int count : {occupied, ever_free, both, forgotten, recalled, known_better}) EXPECT_GT(count, 300);
 }
 
 // Of the way from `from` to `to`, so much is in the box; below 0: it passes beside it.

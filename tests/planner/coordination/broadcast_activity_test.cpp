@@ -108,7 +108,7 @@ TEST(BroadcastActivity, TellsOfAClockThatWasSet) {
   robot.propose(robot.plan({1, 0, 1}));
   robot.run_for(0.2);
   EXPECT_FALSE(robot.node.on_clock_step(robot.now, 1h));
-  EXPECT_EQ(activity_of(robot), "waits: commits nothing until it rests: the clock was set");
+  EXPECT_EQ(activity_of(robot), "waits: commits only what is urgent until it rests: the clock was set");
   robot.run_for(5.0);
   EXPECT_TRUE(robot.node.on_clock_step(robot.now, -1h));
   robot.now -= 1h;

@@ -19,24 +19,30 @@ struct Loner : Kept, Bench<BroadcastNode> {
     config.roster = {0};
     return config;
   }
+  // By the wall clock, as planners do.
   void propose(const Eigen::Vector3d& to, double seconds = 2.5) {
     const Utime start = now + 100ms;
+    Trajectory trajectory = quintic_to(node.motion()->at(start), start, to, seconds);
+    trajectory.shift(wall_ahead);
     candidate_t candidate{};
-    candidate.header = make_header(0, 1, candidates++, now);
-    candidate.trajectory = quintic_to(node.motion()->at(start), start, to, seconds).to_wire();
+    candidate.header = make_header(0, 1, candidates++, now + wall_ahead);
+    candidate.trajectory = trajectory.to_wire();
     send(channel::kCandidate, candidate);
   }
-  // One step, when it is wanted; true when the clock's step was taken.
-  bool turn() {
-    const bool is_asked = wall_ahead != 0us;
-    now = wake;
-    step();
-    return is_asked && wall_ahead == 0us;
-  }
-  broadcast_status_t status() const { return out.newest<broadcast_status_t>(channel::kBroadcastStatus); }
 
   std::int64_t candidates = 0;
 };
+
+// One step, when it is wanted; true when the clock's step was taken.
+bool turn(Bench<BroadcastNode>& robot) {
+  const bool is_asked = robot.wall_ahead != 0us;
+  robot.now = robot.wake;
+  robot.step();
+  return is_asked && robot.wall_ahead == 0us;
+}
+broadcast_status_t status_of(const Bench<BroadcastNode>& robot) {
+  return robot.out.newest<broadcast_status_t>(channel::kBroadcastStatus);
+}
 
 TEST(BroadcastClock, SetpointsGoOnWhenTheWallClockIsSet) {
   for (const Duration step :
@@ -59,7 +65,7 @@ TEST(BroadcastClock, SetpointsGoOnWhenTheWallClockIsSet) {
     Utime last = robot.now, taken{};
     int setpoints = robot.out.count(channel::kSetpoint), begun_with = setpoints;
     while (robot.now - shift < start + 5s) {
-      if (robot.turn()) shift = step, taken = robot.now - shift;
+      if (turn(robot)) shift = step, taken = robot.now - shift;
       if (robot.out.count(channel::kSetpoint) == setpoints) continue;
       ++setpoints;
       const auto setpoint = robot.out.newest<setpoint_t>(channel::kSetpoint);
@@ -80,12 +86,87 @@ TEST(BroadcastClock, SetpointsGoOnWhenTheWallClockIsSet) {
     const auto told = robot.out.newest<announcement_t>(channel::kOwnTrajectory);
     EXPECT_LE(to_utime(told.committed.start_utime), robot.now);
     EXPECT_EQ(load_promise(robot.promises, 0, 1).motion->seq(), told.committed.seq);
-    EXPECT_EQ(robot.status().state, broadcast_status_t::kFlying);
+    EXPECT_EQ(status_of(robot).state, broadcast_status_t::kFlying);
     robot.propose({0, 0, 1});
     EXPECT_EQ(robot.node.protocol().commits(), 2);
     robot.run_for(3.0);
     EXPECT_LT((robot.node.motion()->at(robot.now).position - kHome).norm(), 1e-3);
   }
+}
+
+// The robot's other daemons follow the wall clock at once. An obstacle is evaded all the same: what they say, and what
+// they hear of motions, is in that time; peers and setpoints do not notice.
+TEST(BroadcastClock, WhatIsUrgentIsCommittedWhileItMoves) {
+  for (const Duration step : {Duration(3s), Duration(-3s), Duration(-50ms), Duration(1h)}) {
+    SCOPED_TRACE(step.count());
+    Robot robot(0);
+    robot.propose(robot.plan({2, 0, 1}));
+    for (int other : {1, 2}) robot.hear_verdict(other, 2, ack_t::kAck);
+    robot.run_for(1.0);
+    for (int other : {1, 2}) robot.hear(other);
+    ASSERT_EQ(robot.node.protocol().commits(), 1);
+    robot.wall_ahead = step;
+    robot.step();
+    const auto ahead = [&](Trajectory trajectory) { return trajectory.shift(step), trajectory; };
+    const Trajectory escape = robot.plan({1, 1, 1});
+    const auto say = [&](bool urgent) {
+      candidate_t candidate{};
+      candidate.urgent = urgent ? 1 : 0;
+      candidate.header = make_header(0, 1, 100 + (urgent ? 1 : 0), robot.now + step);
+      candidate.trajectory = ahead(escape).to_wire();
+      robot.send(channel::kCandidate, candidate);
+    };
+    say(false);
+    EXPECT_EQ(robot.node.rejected(Rejection::kClock), 1);
+    say(true);
+    EXPECT_EQ(robot.node.rejected(Rejection::kClock), 1);
+    while (robot.node.protocol().forced() == 0 && robot.now < escape.start_utime()) turn(robot);
+    ASSERT_EQ(robot.node.protocol().forced(), 1);
+    EXPECT_EQ(robot.wall_ahead, step) << "it moves, and is by the clock that peers know";
+    const auto swarm = robot.out.newest<announcement_t>(channel::kTrajectory, BusId::kSwarm);
+    const auto onboard = robot.out.newest<announcement_t>(channel::kOwnTrajectory);
+    EXPECT_EQ(swarm.pending.start_utime, to_us(escape.start_utime()));
+    EXPECT_EQ(onboard.pending.start_utime, to_us(escape.start_utime() + step));
+    EXPECT_EQ(onboard.committed.start_utime, swarm.committed.start_utime + step.count());
+    EXPECT_EQ(onboard.header.utime, swarm.header.utime + step.count());
+    EXPECT_EQ(onboard.pending_stamp, swarm.pending_stamp + step.count());
+
+    // Multicast returns both; neither is a twin's.
+    robot.send(channel::kTrajectory, swarm, BusId::kSwarm);
+    robot.send(channel::kOwnTrajectory, onboard);
+    EXPECT_NE(status_of(robot).state, broadcast_status_t::kTwin);
+    robot.hear(1);
+    const auto relayed = robot.out.newest<announcement_t>(channel::kPeerTrajectory);
+    EXPECT_EQ(relayed.header.utime, to_us(robot.now + step));
+    EXPECT_EQ(relayed.committed.start_utime, to_us(robot.peers.at(1).committed.start_utime() + step));
+
+    const Motion motion = *robot.node.motion();
+    while (robot.wall_ahead != 0us && robot.now < motion.end_utime() + 1s) {
+      const int setpoints = robot.out.count(channel::kSetpoint);
+      turn(robot);
+      if (robot.wall_ahead == 0us || robot.out.count(channel::kSetpoint) == setpoints) continue;
+      const auto setpoint = robot.out.newest<setpoint_t>(channel::kSetpoint);
+      EXPECT_LT((Eigen::Vector3d(setpoint.position) - motion.at(to_utime(setpoint.header.utime)).position).norm(),
+                1e-4);
+    }
+    EXPECT_EQ(robot.wall_ahead, 0us) << "it rests";
+    EXPECT_GE(robot.now - step, escape.end_utime());
+    EXPECT_LT((robot.node.motion()->at(robot.now).position - Eigen::Vector3d(1, 1, 1)).norm(), 1e-3);
+  }
+}
+
+// Whoever leaves its course while the clock is set is noticed: the robot's states are in the new time.
+TEST(BroadcastClock, TracksTheRobotWhileTheClockIsSet) {
+  Loner robot;
+  robot.propose({2, 0, 1});
+  robot.run_for(1.0);
+  robot.wall_ahead = -5s;
+  robot.step();
+  auto state =
+      state_at(0, robot.node.motion()->at(robot.now).position + Eigen::Vector3d(0, 0.07, 0), 1, robot.now - 5s);
+  robot.send(channel::kRobotState, state);
+  robot.run_for(1.0);
+  EXPECT_NEAR(status_of(robot).tracking_error, 0.07, 1e-3);
 }
 
 TEST(BroadcastClock, AStepThatIsTakenBackIsForgotten) {
