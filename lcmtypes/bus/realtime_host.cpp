@@ -244,8 +244,8 @@ struct RealtimeHost::Watch {
 };
 
 void RealtimeHost::watch(Duration period, std::function<bool()> look) {
-  boost::asio::post(io_, [this, watch = std::make_shared<Watch>(boost::asio::steady_timer(io_), period,
-                                                                std::move(look))] { this->look(watch); });
+  const auto watch = std::make_shared<Watch>(Watch{boost::asio::steady_timer(io_), period, std::move(look)});
+  boost::asio::post(io_, [this, watch] { this->look(watch); });
 }
 
 void RealtimeHost::look(const std::shared_ptr<Watch>& watch) {
