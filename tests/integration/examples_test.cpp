@@ -1,5 +1,7 @@
 // The tutorial's examples against the real daemons of one robot: its state, an obstacle and a goal go in, setpoints
-// come out that lead around the obstacle to the goal. In C++ and in Python.
+// come out that lead around the obstacle to the goal; and a depth camera shows a wall. In C++ and in Python.
+#include "lcmtypes/bus/channels.h"
+#include "lcmtypes/bus/lcm_bus.h"
 #include "tests/support/harness.h"
 
 namespace swarm::test {
@@ -9,9 +11,17 @@ namespace fs = std::filesystem;
 
 class Examples : public testing::TestWithParam<const char*> {
  protected:
+  bool is_python() const { return std::string(GetParam()) == "Python"; }
+  void SetUp() override {
+    if (!is_python()) return;
+    if (!fs::exists("/usr/bin/python3")) GTEST_SKIP() << "there is no Python";
+    const std::string types =
+        "cd " SWARM_SOURCE_DIR " && lcm-gen -p --ppath " + directory_.path().string() + " lcmtypes/*.lcm";
+    ASSERT_EQ(run_program({"/bin/sh", "-c", types}).exit_code, 0);
+  }
   std::vector<std::string> example(const std::string& name, std::vector<std::string> arguments) {
     std::vector<std::string> words;
-    if (std::string(GetParam()) == "Python") {
+    if (is_python()) {
       words = {"/usr/bin/env", "PYTHONPATH=" + directory_.path().string(), "PYTHONDONTWRITEBYTECODE=1",
                "/usr/bin/python3", SWARM_SOURCE_DIR "/tools/deploy/examples/" + name + ".py"};
     } else {
@@ -32,12 +42,6 @@ std::vector<Eigen::Vector3d> positions(const std::string& text) {
 }
 
 TEST_P(Examples, FlyARobot) {
-  if (std::string(GetParam()) == "Python") {
-    if (!fs::exists("/usr/bin/python3")) GTEST_SKIP() << "there is no Python";
-    const std::string types =
-        "cd " SWARM_SOURCE_DIR " && lcm-gen -p --ppath " + directory_.path().string() + " lcmtypes/*.lcm";
-    ASSERT_EQ(run_program({"/bin/sh", "-c", types}).exit_code, 0);
-  }
   const std::string onboard = local_url(base_port() + 1), swarm = local_url(base_port());
   const std::vector<std::string> common = {"--robot-id", "3", "--onboard-url", onboard};
   const auto daemon = [&](const std::string& name, std::vector<std::string> more) {
@@ -64,6 +68,26 @@ TEST_P(Examples, FlyARobot) {
       << goal.err() << planner.err();
   for (const Eigen::Vector3d& at : positions(setpoints.out()))
     EXPECT_GT((at - Eigen::Vector3d(1.5, 0.1, at.z())).norm(), 0.5) << "a person stands there";
+}
+
+TEST_P(Examples, ShowAWallToPerception) {
+  const std::string onboard = local_url(base_port() + 1);
+  LcmBus bus(onboard);
+  sogm_swarm::perception_status_t status{};
+  int standing = 0;
+  bus.subscribe(channel::kPerceptionStatus, [&](auto, auto bytes) { (void)decode(bytes, &status); });
+  bus.subscribe(channel::kSeenSpace, [&](auto, auto) { ++standing; });
+  Program perception({"perception_daemon", "--robot-id", "3", "--onboard-url", onboard});
+  Program depth(example("send_depth", {onboard, "3"}));
+  EXPECT_TRUE(wait_for(20.0 * kPatience,
+                       [&] {
+                         bus.drain();
+                         return status.scans > 20 && standing > 20;
+                       }))
+      << depth.err() << perception.err();
+  EXPECT_GT(status.points, 100) << "the wall";
+  EXPECT_EQ(status.blind, 0);
+  EXPECT_EQ(std::count(std::begin(status.refused), std::end(status.refused), 0), std::ssize(status.refused));
 }
 
 INSTANTIATE_TEST_SUITE_P(, Examples, testing::Values("Cpp", "Python"), [](const auto& name) { return name.param; });
