@@ -66,14 +66,14 @@ KeptMap::Block* KeptMap::block_at(const Place& place) {
 }
 
 // The window is a block high, but lies across two.
-void KeptMap::for_each_place(const GridGeometry& window,
-                             const std::function<void(const Place&, std::uint64_t)>& visit) {
+template <class Visit>
+void KeptMap::for_each_place(const GridGeometry& window, const Visit& visit) {
   const Eigen::Vector3i &first = window.origin, last = window.origin + window.size - Eigen::Vector3i::Ones();
   const int bottom = below(first.z(), kHeight), in_block = first.z() - bottom * kHeight;
   for (int x = below(first.x(), kEdge); x <= below(last.x(), kEdge); ++x) {
     for (int y = below(first.y(), kEdge); y <= below(last.y(), kEdge); ++y) {
-      visit({x, y, bottom}, kWhole << in_block);
-      if (in_block > 0) visit({x, y, bottom + 1}, ~(kWhole << in_block));
+      visit(Place{x, y, bottom}, kWhole << in_block);
+      if (in_block > 0) visit(Place{x, y, bottom + 1}, ~(kWhole << in_block));
     }
   }
 }

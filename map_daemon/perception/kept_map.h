@@ -7,7 +7,6 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
-#include <functional>
 #include <map>
 #include <string>
 
@@ -51,7 +50,8 @@ class KeptMap {
   };
 
   // Of each block that the window meets; `visit`(place, which voxels of its columns are in the window).
-  static void for_each_place(const GridGeometry& window, const std::function<void(const Place&, std::uint64_t)>& visit);
+  template <class Visit>
+  static void for_each_place(const GridGeometry& window, const Visit& visit);
   // Of each column of the block in the window: visit(its place in the block, x and y in the window).
   template <class Visit>
   static void for_each_column(const GridGeometry& window, const Place& place, const Visit& visit);

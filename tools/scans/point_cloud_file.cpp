@@ -97,6 +97,7 @@ class PcdHeader {
   void read(const std::string& key, const std::vector<std::string>& words) {
     const auto counts = [&](std::size_t most) {
       std::vector<std::size_t> values;
+      values.reserve(words.size());
       for (const std::string& word : words) values.push_back(count_of(name_, key, word, most));
       return values;
     };
