@@ -72,10 +72,12 @@ obstacles_t Sensor::look(double t_s, const Eigen::Vector3d& position, const Eige
   message.complete = sensor.complete();
   for (std::size_t i = 0; i < world_.obstacles.size(); ++i) {
     const WorldObstacle& obstacle = world_.obstacles[i];
-    const std::optional<ObstacleState> state = state_at(obstacle, world_, std::max(seen_s, 0.0));
+    // What moves when the flight begins has moved before, but the world stands while the flight is waited for.
+    std::optional<ObstacleState> state = state_at(obstacle, world_, t_s < 0.0 ? 0.0 : seen_s);
+    if (!state && seen_s < 0.0) state = state_at(obstacle, world_, 0.0);
     if (!state || distance(obstacle.shape, position - state->position) > world_.sensing_radius_m) continue;
     if (!message.complete && is_missed(i, t_s)) continue;
-    message.obstacles.push_back(to_message(static_cast<int>(i), obstacle.shape, *state, seen_s >= 0.0));
+    message.obstacles.push_back(to_message(static_cast<int>(i), obstacle.shape, *state, t_s >= 0.0));
   }
   if (sensor.merge_m > 0.0) merge_near(sensor.merge_m, &message.obstacles);
   if (sensor.false_alarms > 0.0) add_false_alarms(position, &message);

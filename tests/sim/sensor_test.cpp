@@ -123,6 +123,25 @@ TEST(Sensor, NothingThereIsSeenAsOftenAsItSays) {
   EXPECT_NEAR(seen, 1.5 * kLooks, 0.05 * kLooks);
 }
 
+// What a slow sensor says at the beginning was seen before it, when obstacles moved as well; the world stands only
+// while the flight is waited for. Who comes into being with the flight is there.
+TEST(Sensor, SeesWhatWasBeforeTheFlight) {
+  World world = two_columns();
+  world.sensor.latency_ms = 100;
+  world.obstacles[0].velocity_mps = {0.0, 1.0};
+  world.obstacles[1].track = {{0.0, {0.5, 0.5}}, {1.0, {1.5, 0.5}}};
+  const double y = world.obstacles[0].center.y();
+  for (const double t_s : {-1.0, 0.0, 0.05, 0.1, 0.3}) {
+    SCOPED_TRACE(t_s);
+    const obstacles_t seen = Sensor(world, 0).look(t_s, {0, 0, 1}, Eigen::Vector3d::Zero());
+    ASSERT_EQ(seen.num_obstacles, 2);
+    EXPECT_NEAR(seen.obstacles[0].position[1], t_s < 0.0 ? y : y + t_s - 0.1, 1e-12);
+    EXPECT_EQ(seen.obstacles[0].velocity[1], t_s < 0.0 ? 0.0 : 1.0);
+    EXPECT_NEAR(seen.obstacles[1].position[0], 0.5 + std::max(t_s - 0.1, 0.0), 1e-12);
+    EXPECT_EQ(seen.obstacles[1].velocity[0], t_s < 0.0 ? 0.0 : 1.0);
+  }
+}
+
 TEST(Sensor, ColumnsThatAreNearAreOneThatHoldsBoth) {
   World world = two_columns();
   world.sensor.merge_m = 0.5;
