@@ -138,7 +138,7 @@ Refusal BroadcastNode::receive_onboard(Utime now, std::span<const std::uint8_t> 
 
 Refusal BroadcastNode::on_state(Utime now, std::span<const std::uint8_t> bytes) {
   sogm_swarm::robot_state_t state;
-  Duration ahead;
+  Duration ahead{};
   const Refusal refusal = receive_onboard(now, bytes, state_gate_, &state, &ahead);
   if (refusal != Refusal::kNone) return refusal;
   state.header.utime -= ahead.count();
@@ -182,7 +182,7 @@ void BroadcastNode::keep(Utime now, announcement_t promise) {
 
 Refusal BroadcastNode::on_candidate(Utime now, std::span<const std::uint8_t> bytes) {
   sogm_swarm::candidate_t message;
-  Duration ahead;
+  Duration ahead{};
   const Refusal refusal = receive_onboard(now, bytes, candidate_gate_, &message, &ahead);
   if (refusal != Refusal::kNone) return refusal;
   ++candidates_;
