@@ -32,13 +32,16 @@ double wrap_angle(double angle) {
   return std::remainder(angle, 2 * std::numbers::pi);
 }
 
-// As it is by a clock that is `ahead`.
+// As it is by a clock that is `ahead`. Times stay within what a message may say: a peer may say any.
 void shift(Duration ahead, announcement_t* message) {
-  message->header.utime += ahead.count();
-  message->committed.start_utime += ahead.count();
+  const auto later = [ahead](std::int64_t* utime) {
+    *utime = std::clamp<std::int64_t>(*utime + ahead.count(), 0, to_us(kMaxUtime));
+  };
+  later(&message->header.utime);
+  later(&message->committed.start_utime);
   if (message->pending_state == announcement_t::kNone) return;
-  message->pending.start_utime += ahead.count();
-  message->pending_stamp += ahead.count();
+  later(&message->pending.start_utime);
+  later(&message->pending_stamp);
 }
 
 }  // namespace
