@@ -54,6 +54,8 @@ void Guidance::reconsider(const Eigen::Vector3d& place) {
 void Guidance::forget() {
   (void)map_.forget_seen();
   resolution_m_ = 0.0;
+  empty_ = true;
+  works_ = false;
 }
 
 bool Guidance::is_unreachable(const Eigen::Vector3d& place) const {
