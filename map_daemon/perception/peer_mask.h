@@ -15,6 +15,8 @@ class PeerMask {
   struct Ball {
     Eigen::Vector3d center;  // W [m]
     double radius_m;
+
+    bool contains(const Eigen::Vector3d& place) const { return (place - center).squaredNorm() <= radius_m * radius_m; }
   };
 
   // `margin_m`: around each, for how far scans and announcements err about where a robot is. Who was not heard for

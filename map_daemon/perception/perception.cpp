@@ -89,10 +89,7 @@ void Perception::look(const RangeScan& scan, std::span<const PeerMask::Ball> rob
   points_ = static_cast<int>(scan.surfaces.size());
   masked_ = 0;
   for (const Eigen::Vector3d& place : scan.surfaces) {
-    const bool is_robot = std::ranges::any_of(robots, [&](const PeerMask::Ball& ball) {
-      return (place - ball.center).squaredNorm() <= ball.radius_m * ball.radius_m;
-    });
-    if (is_robot) {
+    if (std::ranges::any_of(robots, [&](const PeerMask::Ball& ball) { return ball.contains(place); })) {
       ++masked_;
       continue;
     }

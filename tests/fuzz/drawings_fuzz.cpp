@@ -33,7 +33,7 @@ void try_input(FuzzInput input) {
       const Json json = to_json(message);
       expect(json.is_object() && json.contains("header"), "a message is an object with its header");
       check_text(json);
-      drawing.add(now, message);
+      drawing.add(now, channel.name, message);
     });
   }
 }

@@ -75,15 +75,16 @@ void publish(LcmBus& bus, int robot, const Eigen::Vector3d& position, std::int64
 }
 
 // A short flight in lock-step, recorded.
-World fly(const std::filesystem::path& out) {
+void fly(const World& world, const std::filesystem::path& out) {
   std::filesystem::create_directories(out);
-  const World world = make_world(Task::kCircle, Environment::kPure, 6, 1, {.robots = 2, .circle_m = 2.5});
   BusLog logs(out, {0, 1});
   FlightOptions options;
   options.time_limit_s = 2.0;
   run_lockstep(world, nullptr, options, {}, &logs, nullptr, nullptr);
   logs.close();
-  return world;
+}
+void fly(const std::filesystem::path& out) {
+  fly(make_world(Task::kCircle, Environment::kPure, 6, 1, {.robots = 2, .circle_m = 2.5}), out);
 }
 
 TEST(View, ServesItsPageAndNothingElse) {
@@ -383,6 +384,28 @@ TEST(View, BrowserShowsWhatTheBusSays) {
   EXPECT_GT(shown["obstacles"], 0);
   EXPECT_GT(shown["fps"], kSanitized ? 1.0 : 10.0);
   EXPECT_GT(browser.screenshot().size(), 20'000u);
+}
+
+// Scans and what stands of a robot that sees with a LiDAR, and the peer that is no obstacle.
+TEST(View, BrowserShowsWhatSensorsSee) {
+  if (!Browser::is_installed() || !std::filesystem::exists("/usr/share/javascript/three"))
+    GTEST_SKIP() << "Chromium or libjs-three is not installed (tools/setup --view --browser)";
+  TemporaryDirectory out;
+  World world = make_world(Task::kCircle, Environment::kPure, 6, 1, {.robots = 2, .circle_m = 2.5});
+  world.sensor.kind = "lidar";
+  fly(world, out.path());
+  View view({out / "robot0.lcm", out / "robot1.lcm", out / "swarm.lcm", "--three", "/usr/share/javascript/three"});
+  Browser browser("http://127.0.0.1:" + std::to_string(view.port()) + "/");
+  ASSERT_TRUE(browser.wait_until(30.0 * kPatience, "typeof shown !== 'undefined' && shown().robots.length === 2"));
+  (void)browser.evaluate("tell({seek: 1.5, play: false}), select(1)");
+  EXPECT_TRUE(browser.wait_until(10.0 * kPatience,
+                                 "shown().scan > 100 && shown().standing > 0 && shown().masks === 2 && "
+                                 "shown().obstacles > 0 && shown().uncertain > 0 && "
+                                 "shown().cards.some((card) => card.includes('scans'))"))
+      << browser.evaluate("shown()");
+  (void)browser.evaluate("select(null)");
+  EXPECT_TRUE(browser.wait_until(10.0 * kPatience, "shown().scan + shown().standing + shown().masks === 0"))
+      << browser.evaluate("shown()");
 }
 
 }  // namespace

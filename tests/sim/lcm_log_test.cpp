@@ -13,6 +13,8 @@
 namespace swarm::test {
 namespace {
 
+using namespace sogm_swarm;
+
 struct Written {
   Utime utime;
   std::string channel;
@@ -177,6 +179,29 @@ TEST(Identify, FitsTheSimulatedVehicleFromALog) {
   const Finished swarm = run_program({"identify", directory / "swarm.lcm"});  // no setpoints there
   EXPECT_EQ(swarm.exit_code, 2);
   EXPECT_NE(swarm.err.find(directory / "swarm.lcm"), std::string::npos) << swarm.err;
+}
+
+TEST(LogInfo, TellsWhatSensorsSaw) {
+  const TemporaryDirectory directory;
+  World world = make_world(Task::kCircle, Environment::kPure, 6, 3, {.robots = 2, .circle_m = 2.5});
+  world.sensor.kind = "lidar";
+  FlightOptions options;
+  options.time_limit_s = 3.0;
+  BusLog logs(directory.path(), {0, 1});
+  (void)run_lockstep(world, nullptr, options, {}, &logs, nullptr, nullptr);
+  logs.close();
+  perception_status_t newest{};
+  LogEvent event;
+  for (LcmLog log(directory / "robot0.lcm"); log.next(&event);) {
+    if (event.channel != channel::kPerceptionStatus) continue;
+    ASSERT_EQ(decode(event.bytes, &newest), Refusal::kNone);
+  }
+  ASSERT_GT(newest.scans, 5);
+  const Finished finished = run_program({"log_info", directory / "robot0.lcm"});
+  EXPECT_EQ(finished.exit_code, 0) << finished.err;
+  for (const std::string& text : {std::to_string(newest.scans) + " scans, 0 saw nothing, 0 jumps of the pose; ",
+                                  std::string(" % on robots; "), std::string("obstacle to motion ms: p50 ")})
+    EXPECT_NE(finished.out.find(text), std::string::npos) << text << " is missing in:\n" << finished.out;
 }
 
 TEST(LogInfo, TellsDamageAndNamesWhatIsNoLog) {

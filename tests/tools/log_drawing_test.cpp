@@ -5,6 +5,7 @@
 #include <cstring>
 
 #include "map_daemon/obstacle.h"
+#include "tests/support/column_scan.h"
 #include "tests/support/harness.h"
 #include "tests/support/json_schema.h"
 #include "tests/support/random_map.h"
@@ -32,6 +33,11 @@ struct Canvas {
   std::size_t count(const std::string& topic) const {
     return static_cast<std::size_t>(
         std::count_if(all.begin(), all.end(), [&](const Drawing& drawn) { return drawn.topic == topic; }));
+  }
+
+  template <class T>
+  void add(Utime utime, const T& message, const char* channel = "") {
+    drawing.add(utime, channel, message);
   }
 
   std::vector<Drawing> all;
@@ -77,7 +83,7 @@ TEST(LogDrawing, RobotsMoveInTheWorld) {
   Canvas canvas;
   robot_state_t state = state_at(4, {1, 2, 3}, 1, kStart);
   state.yaw = 0.6;
-  canvas.drawing.add(kStart, state);
+  canvas.add(kStart, state);
   const Json& transform = canvas.newest("/tf")["transforms"][0];
   EXPECT_EQ(transform["parent_frame_id"], "world");
   EXPECT_EQ(transform["child_frame_id"], "robot4");
@@ -94,10 +100,10 @@ TEST(LogDrawing, RobotsMoveInTheWorld) {
 TEST(LogDrawing, ScenesHoldTrajectoriesAndGoal) {
   Canvas canvas;
   const Trajectory committed = flight(1, {0, 0, 1}, {2, 0, 1}), pending = flight(2, {0, 0, 1}, {0, 3, 1});
-  canvas.drawing.add(kStart, announcement_of(2, 1, kStart, committed, pending));
+  canvas.add(kStart, announcement_of(2, 1, kStart, committed, pending));
   goal_t goal = to_goal({{{0, 7, 0}}, {{1, 2, 3}}});
   goal.header = make_header(2, 1, 1, kStart);
-  canvas.drawing.add(kStart, goal);
+  canvas.add(kStart, goal);
   Json scene = canvas.newest("/robot2/scene");
   const Json* const body = entity_of(scene, "robot");
   ASSERT_NE(body, nullptr);
@@ -124,7 +130,7 @@ TEST(LogDrawing, ScenesHoldTrajectoriesAndGoal) {
   EXPECT_TRUE(scene["deletions"].empty());
 
   // What is no longer pending goes.
-  canvas.drawing.add(kStart + 10us, announcement_of(2, 2, kStart + 10us, committed));
+  canvas.add(kStart + 10us, announcement_of(2, 2, kStart + 10us, committed));
   scene = canvas.newest("/robot2/scene");
   EXPECT_EQ(entity_of(scene, "pending"), nullptr);
   ASSERT_EQ(scene["deletions"].size(), 1u);
@@ -138,14 +144,14 @@ TEST(LogDrawing, ScenesComeWithChangesAndTenTimesASecond) {
   Utime utime = kStart;
   const auto hear = [&](const Trajectory& committed) {
     const announcement_t message = announcement_of(2, ++seq, utime, committed);
-    for (int copy = 0; copy < 3; ++copy) canvas.drawing.add(utime, message);
+    for (int copy = 0; copy < 3; ++copy) canvas.add(utime, message);
     utime += 10ms;
   };
   for (int i = 0; i < 20; ++i) hear(first);  // 0 to 190 ms
   EXPECT_EQ(canvas.count("/robot2/scene"), 2u);
   hear(second);
   EXPECT_EQ(canvas.count("/robot2/scene"), 3u);
-  canvas.drawing.add(utime, announcement_of(2, 1, utime, first));  // of before
+  canvas.add(utime, announcement_of(2, 1, utime, first));  // of before
   EXPECT_EQ(canvas.count("/robot2/scene"), 3u);
 }
 
@@ -164,7 +170,7 @@ TEST(LogDrawing, ObstaclesStandWhereTheyAre) {
     std::copy_n(sizes[shape], 3, obstacle.size);
     message.obstacles.push_back(obstacle);
   }
-  canvas.drawing.add(kStart, message);
+  canvas.add(kStart, message);
   const Json scene = canvas.newest("/robot1/obstacles");
   ASSERT_EQ(scene["entities"].size(), 1u);
   const Json& entity = scene["entities"][0];
@@ -185,7 +191,7 @@ TEST(LogDrawing, ObstaclesStandWhereTheyAre) {
 
   // They are one entity: what is not seen any more is gone with the next message.
   message.obstacles.resize(1);
-  canvas.drawing.add(kStart + 1us, message);
+  canvas.add(kStart + 1us, message);
   EXPECT_EQ(canvas.newest("/robot1/obstacles")["entities"][0]["id"], entity["id"]);
   EXPECT_TRUE(canvas.newest("/robot1/obstacles")["entities"][0]["cubes"].empty());
 }
@@ -198,7 +204,7 @@ TEST(LogDrawing, SetsOfVoxelsAreCubes) {
   message.position[2] = 1.0;
   message.resolution = 0.25;
   message.voxels = {{0, 0, 0}, {1, -2, 4}};
-  canvas.drawing.add(kStart, message);
+  canvas.add(kStart, message);
   const Json& entity = canvas.newest("/robot1/obstacle_voxels")["entities"][0];
   EXPECT_EQ(entity["id"], "voxels 9");
   EXPECT_EQ(entity["lifetime"]["sec"], 1);
@@ -229,8 +235,7 @@ TEST(LogDrawing, MapsAreTheirSurface) {
   Sogm map;
   for (int i = 0; i < 9; ++i) {  // every 0.05 s
     map = random_map(rng, 5, {4, 3, 2}, 6, kStart + i * 50ms, 100ms);
-    for (const sogm_t& part : encoder.encode(map, make_header(3, 1, i, Utime())))
-      canvas.drawing.add(kStart + i * 50ms, part);
+    for (const sogm_t& part : encoder.encode(map, make_header(3, 1, i, Utime()))) canvas.add(kStart + i * 50ms, part);
   }
   EXPECT_EQ(canvas.count("/robot3/sogm"), 3u);
   std::vector<SurfaceVoxel> surface;
@@ -246,9 +251,61 @@ TEST(LogDrawing, MapsAreTheirSurface) {
   }
 }
 
+TEST(LogDrawing, WhatWasSeenIsNoMap) {
+  Canvas canvas;
+  Rng rng(3);
+  SogmEncoder encoder;
+  const Sogm seen = random_map(rng, 2, {4, 3, 2}, 6, kStart, 100ms);
+  for (const sogm_t& part : encoder.encode(seen, make_header(3, 1, 1, kStart)))
+    canvas.add(kStart, part, channel::kSeenSpace);
+  EXPECT_EQ(canvas.count("/robot3/sogm"), 0u);
+  std::vector<SurfaceVoxel> standing;
+  sogm_surface(seen, 0, &standing);
+  ASSERT_GT(standing.size(), 10u);
+  EXPECT_EQ(floats_of(canvas.newest("/robot3/seen_space")["data"]).size(), 4 * standing.size());
+}
+
+TEST(LogDrawing, ScansShowWhichPointsAreRobots) {
+  Canvas canvas;
+  const Eigen::Vector3d peer(2.0, 0.0, 1.0);
+  canvas.add(kStart, announcement_of(1, 1, kStart, Trajectory::hover(1, kStart, peer)));
+  lidar_scan_t scan = column_scan({0, 0, 1}, {{{2.0, 0.0}, 0.2, 0.8, 1.2}, {{0.0, 3.0}}});
+  scan.header = make_header(0, 1, 1, kStart);
+  scan.sensor = 2;
+  canvas.add(kStart, scan);
+  const std::vector<float> points = floats_of(canvas.newest("/robot0/lidar2")["data"]);
+  int on_peer = 0, elsewhere = 0;
+  for (std::size_t i = 0; i + 3 < points.size(); i += 4) {
+    const bool is_peer = points[i] > 1.0f;
+    (is_peer ? on_peer : elsewhere) += 1;
+    EXPECT_EQ(points[i + 3], is_peer ? 1.0f : 0.0f) << points[i] << ' ' << points[i + 1];
+  }
+  EXPECT_GT(on_peer, 10);
+  EXPECT_GT(elsewhere, 10);
+  const Json& masks = canvas.newest("/robot0/masks")["entities"][0]["spheres"];
+  ASSERT_EQ(masks.size(), 1u);
+  EXPECT_EQ(point_of(masks[0]["pose"]["position"]), peer);
+  EXPECT_NEAR(masks[0]["size"]["x"].get<double>(), 2.0 * (0.3 + 0.15), 1e-6);
+}
+
+TEST(LogDrawing, UncertainObstaclesHaveAShell) {
+  Canvas canvas;
+  obstacles_t message{};
+  message.header = make_header(1, 1, 1, kStart);
+  obstacle_t column{};
+  column.size[0] = 0.8, column.size[1] = 2.0;
+  column.position_sigma = 0.05f;
+  message.obstacles = {column};
+  canvas.add(kStart, message);
+  const Json drawn = canvas.newest("/robot1/obstacles")["entities"][0]["cylinders"];
+  ASSERT_EQ(drawn.size(), 2u);
+  EXPECT_NEAR(drawn[1]["size"]["x"].get<double>(), 0.8 + 4 * 0.05, 1e-6);
+  EXPECT_LT(drawn[1]["color"]["a"], drawn[0]["color"]["a"]);
+}
+
 TEST(LogDrawing, CorridorsAreTheirPolytopes) {
   Canvas canvas;
-  canvas.drawing.add(kStart, state_at(5, {20, 0, 1}, 1, kStart));
+  canvas.add(kStart, state_at(5, {20, 0, 1}, 1, kStart));
   corridors_t message{};
   message.header = make_header(5, 1, 1, kStart);
   const Eigen::Vector3d middles[] = {{20, 0, 1}, {21, 1, 1}};
@@ -262,7 +319,7 @@ TEST(LogDrawing, CorridorsAreTheirPolytopes) {
     }
   }
   message.num_faces = static_cast<std::int32_t>(message.faces.size());
-  canvas.drawing.add(kStart, message);
+  canvas.add(kStart, message);
   const Json& triangles = canvas.newest("/robot5/corridors")["entities"][0]["triangles"];
   ASSERT_EQ(triangles.size(), 2u);
   for (std::size_t piece = 0; piece < 2; ++piece) {

@@ -32,10 +32,10 @@ class Logs : public testing::Test {
 std::string shown(const PictureSource::Moment& moment) {
   FrameWriter writer;
   Json all = {to_us(moment.utime), robots_json(moment.picture, moment.utime, &writer),
-              obstacles_json(moment.picture, moment.utime)};
+              obstacles_json(moment.picture, moment.utime, -1)};
   for (Json& robot : all[1]) {
     for (const auto& [id, picture] : moment.picture.robots()) {
-      if (robot["id"] == id && picture.sogm.num_frames > 0) robot["sogm"] = sogm_json(picture.sogm, -1, &writer);
+      if (robot["id"] == id && picture.sogm.count() > 0) robot["sogm"] = sogm_json(picture.sogm.newest(), -1, &writer);
       if (robot["id"] == id) robot["corridors"] = corridors_json(picture, &writer);
     }
     for (auto& traffic : robot["traffic"]) traffic.erase("heard"), traffic.erase("missing");  // since it was opened

@@ -2,6 +2,7 @@
 
 #include "lcmtypes/bus/channels.h"
 #include "planner_daemon/trajectory/mission.h"
+#include "tests/support/column_scan.h"
 #include "tests/support/harness.h"
 #include "tests/support/random_messages.h"
 #include "tools/viewer/picture_frame.h"
@@ -137,13 +138,20 @@ TEST_F(Picture, SurvivesAnyValidMessage) {
     add(channel::kMapStatus, random_messages::make<map_status_t>(random, i % 40));
     add(channel::kTrajectory, random_messages::make<announcement_t>(random, i % 40));
     add(channel::kSogm, random_messages::make<sogm_t>(random, i % 40));
+    add(channel::kSeenSpace, random_messages::make<sogm_t>(random, i % 40));
+    add(channel::kDepthImage, random_messages::make<depth_image_t>(random, i % 40));
+    add(channel::kLidarScan, random_messages::make<lidar_scan_t>(random, i % 40));
+    add(channel::kPerceptionStatus, random_messages::make<perception_status_t>(random, i % 40));
     add(channel::kGoal, random_messages::make<goal_t>(random, i % 40));
   }
   EXPECT_EQ(picture_.robots().size(), SwarmPicture::kMaxRobots);
   FrameWriter writer;
   EXPECT_EQ(robots_json(picture_, now_, &writer).size(), SwarmPicture::kMaxRobots);
-  EXPECT_NO_THROW(obstacles_json(picture_, now_));
-  for (const auto& [id, robot] : picture_.robots()) EXPECT_NO_THROW(corridors_json(robot, &writer));
+  EXPECT_NO_THROW(obstacles_json(picture_, now_, -1));
+  for (const auto& [id, robot] : picture_.robots()) {
+    EXPECT_NO_THROW(corridors_json(robot, &writer));
+    EXPECT_NO_THROW(scans_json(robot, now_, &writer));
+  }
 }
 
 TEST_F(Picture, MergesWhatRobotsSayOfObstacles) {
@@ -166,11 +174,68 @@ TEST_F(Picture, MergesWhatRobotsSayOfObstacles) {
   told(1, {numbered(2, 20.0), numbered(3, 30.0)}, kStart + 100ms);
   const auto merged = picture_.obstacles(kStart + 300ms);
   ASSERT_EQ(merged.size(), 3u);
-  EXPECT_DOUBLE_EQ(merged.at(1).position[0], 0.3);
-  EXPECT_DOUBLE_EQ(merged.at(2).position[0], 20.2) << "by whoever told last";
-  EXPECT_DOUBLE_EQ(merged.at(3).position[0], 30.2);
+  EXPECT_DOUBLE_EQ(merged.at({-1, 1}).position[0], 0.3);
+  EXPECT_DOUBLE_EQ(merged.at({-1, 2}).position[0], 20.2) << "by whoever told last";
+  EXPECT_DOUBLE_EQ(merged.at({-1, 3}).position[0], 30.2);
   EXPECT_EQ(picture_.obstacles(kStart + 1050ms).size(), 2u);
   EXPECT_TRUE(picture_.obstacles(kStart + 2s).empty());
+}
+
+// Each numbers what it sees by itself: the same number is not the same obstacle.
+TEST_F(Picture, TellsApartWhatRobotsSeeWithTheirOwnSensors) {
+  SogmEncoder encoder;
+  Sogm seen;
+  seen.reset(GridGeometry{.size = {4, 4, 4}}, 2, kStart, 100ms);
+  obstacle_t column{};
+  column.id = 7;
+  column.size[0] = 0.5, column.size[1] = 4.0;
+  for (int id = 0; id < 2; ++id) {
+    for (const sogm_t& part : encoder.encode(seen, make_header(id, 1, 1, kStart)))
+      EXPECT_EQ(add(channel::kSeenSpace, part), Refusal::kNone);
+    obstacles_t message{};
+    message.header = make_header(id, 1, 1, kStart);
+    column.position[0] = id;
+    message.obstacles = {column};
+    message.num_obstacles = 1;
+    EXPECT_EQ(add(channel::kObstacles, message), Refusal::kNone);
+  }
+  const auto all = picture_.obstacles(kStart);
+  ASSERT_EQ(all.size(), 2u);
+  EXPECT_EQ(all.at({1, 7}).position[0], 1.0);
+  const auto of_one = picture_.obstacles(kStart, 0);
+  ASSERT_EQ(of_one.size(), 1u);
+  EXPECT_EQ(of_one.at({0, 7}).position[0], 0.0);
+  const Json json = obstacles_json(picture_, kStart, 1);
+  ASSERT_EQ(json.size(), 1u);
+  EXPECT_EQ(json[0]["id"], "1:7");
+}
+
+// Maps and what was seen come as the same messages, on channels of their own.
+TEST_F(Picture, KeepsMapsAndWhatWasSeenApart) {
+  SogmEncoder encoder;
+  Sogm map, seen;
+  map.reset(GridGeometry{.size = {4, 4, 4}}, 20, kStart, 100ms);
+  seen.reset(GridGeometry{.size = {8, 8, 8}}, 2, kStart, 100ms);
+  for (std::int64_t seq = 1; seq <= 3; ++seq) {
+    for (const sogm_t& part : encoder.encode(map, make_header(0, 1, seq, now_))) add(channel::kSogm, part);
+    for (const sogm_t& part : encoder.encode(seen, make_header(0, 1, 10 + seq, now_))) add(channel::kSeenSpace, part);
+  }
+  EXPECT_EQ(robot(0).sogm.count(), 3);
+  EXPECT_EQ(robot(0).sogm.newest().num_frames, 20);
+  EXPECT_EQ(robot(0).seen_space.count(), 3);
+  EXPECT_EQ(robot(0).seen_space.newest().num_frames, 2);
+}
+
+TEST_F(Picture, KeepsScansOfWhomItLooksAt) {
+  lidar_scan_t scan = column_scan({0, 0, 1}, {{{2.0, 0.0}}});
+  for (const auto& [maps_of, kept] : {std::pair(0, true), {1, false}, {-1, false}}) {
+    picture_ = SwarmPicture(maps_of);
+    for (std::int64_t seq = 1; seq <= 2; ++seq) {
+      scan.header = make_header(0, 1, seq, kStart);
+      EXPECT_EQ(add(channel::kLidarScan, scan), Refusal::kNone);
+    }
+    EXPECT_EQ(robot(0).scans.count(), kept ? 2 : 0) << maps_of;
+  }
 }
 
 }  // namespace

@@ -102,7 +102,7 @@ class Converter {
     const auto refusal = visit_message(event.channel, event.bytes, [&]<class T>(const T& message) {
       write(topic_of(event.channel, message.header.robot_id, owner), schema_name<T>(), json_schema<T>,
             to_json(message));
-      drawing_.add(event.utime, message);
+      drawing_.add(event.utime, event.channel, message);
     });
     if (!refusal) {
       ++others_[event.channel];

@@ -23,7 +23,10 @@ constexpr double kGoal_m = 0.2, kCommitted_m = 0.04, kPending_m = 0.03;
 constexpr int kSamplesPerPiece = 6;
 constexpr int kRingPoints = 32;
 constexpr double kCorridorReach_m = 100.0;
-constexpr Color kObstacle = {0.55, 0.55, 0.58, 0.9};
+constexpr std::size_t kScanPoints = 100'000;  // all of any scan
+constexpr double kSigmas = 2.0;               // of an obstacle's position are drawn around it
+constexpr Color kObstacle = {0.55, 0.55, 0.58, 0.9}, kUncertain = {0.55, 0.55, 0.58, 0.2};
+constexpr Color kMask = {0.3, 0.5, 0.9, 0.15};
 
 Color color_of(int id, double opacity) {
   static constexpr std::array<Color, 8> kColors = {{{0.12, 0.47, 0.71},
@@ -62,13 +65,15 @@ Json scene_of(Json entity) {
   return foxglove::scene(Json::array({std::move(entity)}), Json::array());
 }
 
-void draw_obstacle(const obstacle_t& obstacle, Json* entity) {
+// `grown_m` larger to every side.
+void draw_obstacle(const obstacle_t& obstacle, double grown_m, const Color& color, Json* entity) {
   // Where it is at the message's time.
   const Pose pose = {vector_of(obstacle.position) + obstacle.age_s * vector_of(obstacle.velocity), obstacle.yaw};
   const auto& size = obstacle.size;
   switch (obstacle.shape) {
     case obstacle_t::kColumn:
-      (*entity)["cylinders"].push_back(foxglove::cylinder(pose, size[0], size[1], kObstacle));
+      (*entity)["cylinders"].push_back(
+          foxglove::cylinder(pose, size[0] + 2.0 * grown_m, size[1] + 2.0 * grown_m, color));
       break;
     case obstacle_t::kRing: {
       std::array<Eigen::Vector3d, kRingPoints> circle;  // its axis is the pose's x
@@ -76,14 +81,14 @@ void draw_obstacle(const obstacle_t& obstacle, Json* entity) {
         const double angle = 2.0 * std::numbers::pi * i / kRingPoints;
         circle[i] = size[0] * Eigen::Vector3d(0.0, std::cos(angle), std::sin(angle));
       }
-      (*entity)["lines"].push_back(foxglove::line(pose, circle, true, size[1], kObstacle));
+      (*entity)["lines"].push_back(foxglove::line(pose, circle, true, size[1] + 2.0 * grown_m, color));
       break;
     }
     case obstacle_t::kBox:
-      (*entity)["cubes"].push_back(foxglove::cube(pose, vector_of(size), kObstacle));
+      (*entity)["cubes"].push_back(foxglove::cube(pose, vector_of(size).array() + 2.0 * grown_m, color));
       break;
     case obstacle_t::kSphere:
-      (*entity)["spheres"].push_back(foxglove::sphere(pose, size[0], kObstacle));
+      (*entity)["spheres"].push_back(foxglove::sphere(pose, size[0] + 2.0 * grown_m, color));
       break;
   }
 }
@@ -124,7 +129,7 @@ void LogDrawing::draw_scene(Utime utime, int id, Robot* robot) {
   sink_({topic_of(id, "scene"), foxglove::kSceneUpdate, foxglove::scene(std::move(entities), std::move(deletions))});
 }
 
-void LogDrawing::add(Utime utime, const robot_state_t& m) {
+void LogDrawing::draw(Utime utime, const robot_state_t& m) {
   const int id = m.header.robot_id;
   Robot& robot = robots_[id];
   robot.position = vector_of(m.position);
@@ -133,10 +138,11 @@ void LogDrawing::add(Utime utime, const robot_state_t& m) {
   if (!std::exchange(robot.has_frame, true)) draw_scene(utime, id, &robot);
 }
 
-void LogDrawing::add(Utime utime, const announcement_t& m) {
+void LogDrawing::draw(Utime utime, const announcement_t& m) {
   const int id = m.header.robot_id;
   Robot& robot = robots_[id];
   if (robot.announcements.pass(m.header) != Refusal::kNone) return;
+  masks_.hear(m, utime);
   const bool changed =
       robot.radius_m != m.radius || robot.committed.seq() != m.committed.seq || robot.pending.seq() != m.pending.seq;
   robot.radius_m = m.radius;
@@ -146,19 +152,23 @@ void LogDrawing::add(Utime utime, const announcement_t& m) {
   if (changed || utime >= robot.scene.due(utime, kSceneInterval)) draw_scene(utime, id, &robot);
 }
 
-void LogDrawing::add(Utime utime, const goal_t& m) {
+void LogDrawing::draw(Utime utime, const goal_t& m) {
   Robot& robot = robots_[m.header.robot_id];
   robot.mission = mission_of(m);
   draw_scene(utime, m.header.robot_id, &robot);
 }
 
-void LogDrawing::add(Utime utime, const obstacles_t& m) {
+void LogDrawing::draw(Utime utime, const obstacles_t& m) {
   Json entity = foxglove::entity(utime, "obstacles");
-  for (const obstacle_t& obstacle : m.obstacles) draw_obstacle(obstacle, &entity);
+  for (const obstacle_t& obstacle : m.obstacles) {
+    draw_obstacle(obstacle, 0.0, kObstacle, &entity);
+    const double uncertain_m = kSigmas * double{obstacle.position_sigma};
+    if (uncertain_m > 0.0) draw_obstacle(obstacle, uncertain_m, kUncertain, &entity);
+  }
   sink_({topic_of(m.header.robot_id, "obstacles"), foxglove::kSceneUpdate, scene_of(std::move(entity))});
 }
 
-void LogDrawing::add(Utime utime, const obstacle_voxels_t& m) {
+void LogDrawing::draw(Utime utime, const obstacle_voxels_t& m) {
   Json entity = foxglove::entity(utime, "voxels " + std::to_string(m.id), "world", kVoxelsLifetime);
   const Eigen::Vector3d origin = vector_of(m.position) + m.age_s * vector_of(m.velocity);
   for (const auto& voxel : m.voxels) {
@@ -168,24 +178,46 @@ void LogDrawing::add(Utime utime, const obstacle_voxels_t& m) {
   sink_({topic_of(m.header.robot_id, "obstacle_voxels"), foxglove::kSceneUpdate, scene_of(std::move(entity))});
 }
 
-void LogDrawing::add(Utime utime, const sogm_t& m) {
+void LogDrawing::draw_grid(Utime utime, bool is_seen_space, const sogm_t& m) {
   Robot& robot = robots_[m.header.robot_id];
-  if (robot.assembler.add(m, &map_).status != AssemblyStatus::kComplete) return;
-  if (utime < robot.map.due(utime, to_duration(options_.map_interval_s))) return;
-  robot.map.done(utime);
-  sogm_surface(map_, kAllFrames, &surface_);
+  Grid& grid = is_seen_space ? robot.seen_space : robot.map;
+  if (grid.assembler.add(m, &grid_).status != AssemblyStatus::kComplete) return;
+  if (utime < grid.drawn.due(utime, to_duration(options_.map_interval_s))) return;
+  grid.drawn.done(utime);
+  sogm_surface(grid_, is_seen_space ? 0 : kAllFrames, &surface_);
   std::vector<Eigen::Vector4f> points;
   points.reserve(surface_.size());
-  const double frame_s = to_seconds(map_.frame_duration);
+  const double frame_s = to_seconds(grid_.frame_duration);
   for (const SurfaceVoxel& voxel : surface_) {
     Eigen::Vector4d point;
-    point << map_.geometry.center_of({voxel.x, voxel.y, voxel.z}), frame_s * voxel.first_frame;
+    point << grid_.geometry.center_of({voxel.x, voxel.y, voxel.z}), frame_s * voxel.first_frame;
     points.push_back(point.cast<float>());
   }
-  sink_({topic_of(m.header.robot_id, "sogm"), foxglove::kPointCloud, foxglove::point_cloud(utime, points)});
+  sink_({topic_of(m.header.robot_id, is_seen_space ? "seen_space" : "sogm"), foxglove::kPointCloud,
+         foxglove::point_cloud(utime, points)});
 }
 
-void LogDrawing::add(Utime utime, const corridors_t& m) {
+void LogDrawing::draw(Utime utime, const depth_image_t& m) {
+  const ScanPicture* const scan = robots_[m.header.robot_id].scans.add(m, &masks_);
+  draw_scan(utime, m.header.robot_id, "depth" + std::to_string(m.sensor), scan);
+}
+
+void LogDrawing::draw(Utime utime, const lidar_scan_t& m) {
+  const ScanPicture* const scan = robots_[m.header.robot_id].scans.add(m, &masks_);
+  draw_scan(utime, m.header.robot_id, "lidar" + std::to_string(m.sensor), scan);
+}
+
+void LogDrawing::draw_scan(Utime utime, int id, const std::string& sensor, const ScanPicture* scan) {
+  if (scan == nullptr) return;
+  const std::vector<Eigen::Vector4f> points = scan->points(kScanPoints);
+  sink_({topic_of(id, sensor.c_str()), foxglove::kPointCloud, foxglove::point_cloud(utime, points)});
+  Json entity = foxglove::entity(utime, "masks");
+  for (const PeerMask::Ball& robot : scan->robots())
+    entity["spheres"].push_back(foxglove::sphere({robot.center, 0.0}, 2.0 * robot.radius_m, kMask));
+  sink_({topic_of(id, "masks"), foxglove::kSceneUpdate, scene_of(std::move(entity))});
+}
+
+void LogDrawing::draw(Utime utime, const corridors_t& m) {
   const int id = m.header.robot_id;
   const Eigen::Vector3d middle = robots_[id].position.value_or(Eigen::Vector3d::Zero());
   Json entity = foxglove::entity(utime, "corridors");

@@ -94,8 +94,26 @@ class Reactions {
   std::vector<double> ms_;
 };
 
+// Of perception's states, one a second.
+struct Sight {
+  Total scans, blind, jumps;
+  std::int64_t states = 0, points = 0, masked = 0, moving = 0, standing = 0;
+
+  std::string text() const {
+    if (states == 0) return "";
+    const auto mean = [](std::int64_t sum, std::int64_t count) {
+      return count == 0 ? 0.0 : static_cast<double>(sum) / static_cast<double>(count);
+    };
+    return "    " + std::to_string(scans.sum()) + " scans, " + std::to_string(blind.sum()) + " saw nothing, " +
+           std::to_string(jumps.sum()) + " jumps of the pose; " + fixed(mean(points, states), 0) + " points each, " +
+           fixed(100.0 * mean(masked, points), 1) + " % on robots; " + fixed(mean(moving, states), 1) +
+           " obstacles move, " + fixed(mean(standing, states), 1) + " stand\n";
+  }
+};
+
 struct Robot {
-  std::vector<double> plan_ms, build_ms;
+  std::vector<double> plan_ms, build_ms, scan_ms;
+  Sight sight;
   Total missed, candidates, commits, forced, withdrawn;
   std::array<Total, kNumRejections> rejected;
   std::map<std::string, std::array<Total, kNumRefusals>> refused;  // by daemon
@@ -178,8 +196,9 @@ class Summary {
   void note(const LogEvent&, const obstacle_voxels_t& m) {
     robots_[m.header.robot_id].reactions.obstacles(to_utime(m.header.utime));
   }
-  void note(const LogEvent&, const sogm_t& m) {
-    if (m.part == m.num_parts - 1) robots_[m.header.robot_id].reactions.map(to_utime(m.header.utime));
+  void note(const LogEvent& event, const sogm_t& m) {
+    if (event.channel == channel::kSogm && m.part == m.num_parts - 1)
+      robots_[m.header.robot_id].reactions.map(to_utime(m.header.utime));
   }
   void note(const LogEvent&, const candidate_t& m) {
     robots_[m.header.robot_id].reactions.candidate(to_utime(m.header.utime), to_utime(m.trajectory.start_utime));
@@ -206,6 +225,21 @@ class Summary {
     Robot& robot = robots_[m.header.robot_id];
     robot.build_ms.push_back(m.build_ms);
     add_refused(m, "map", &robot);
+  }
+  void note(const LogEvent&, const perception_status_t& m) {
+    Robot& robot = robots_[m.header.robot_id];
+    const std::int32_t boot = m.header.boot;
+    robot.scan_ms.push_back(m.scan_ms);
+    Sight& sight = robot.sight;
+    sight.scans.add(boot, m.scans);
+    sight.blind.add(boot, m.blind);
+    sight.jumps.add(boot, m.jumps);
+    ++sight.states;
+    sight.points += m.points;
+    sight.masked += m.masked;
+    sight.moving += m.moving;
+    sight.standing += m.standing;
+    add_refused(m, "perception", &robot);
   }
   template <class T>
   void note(const LogEvent&, const T&) {}
@@ -244,7 +278,8 @@ class Summary {
     }
     out += (rejected.empty() ? "" : ", rejected:" + rejected) + "\n";
     out += text_of_timing("plan", robot.plan_ms) + text_of_timing("map", robot.build_ms) +
-           text_of_timing("obstacle to motion", robot.reactions.ms());
+           text_of_timing("obstacle to motion", robot.reactions.ms()) + robot.sight.text() +
+           text_of_timing("scan", robot.scan_ms);
     for (const auto& [daemon, totals] : robot.refused) {
       std::string reasons;
       for (std::size_t i = 1; i < totals.size(); ++i) {

@@ -13,25 +13,33 @@ namespace {
 constexpr Duration kBefore = 1s;  // all of the last second is read, for rates
 constexpr double kMinSpeed = 0.01, kMaxSpeed = 100.0;
 
-// Where every message has its robot, and a map its part.
-constexpr std::size_t kRobotAt = 14, kPartAt = 68;
+// Where every message has its robot, a sensor's its sensor, and what comes in parts its part.
+constexpr std::size_t kRobotAt = 14, kSensorAt = 36, kMapPartAt = 68, kScanPartAt = 94;
 
 int short_at(std::size_t at, const std::vector<std::uint8_t>& bytes) {
   return bytes.size() < at + 2 ? -1 : bytes[at] << 8 | bytes[at + 1];
 }
 
+// The newest of each is needed to know where things are.
+using Kind = std::tuple<std::string, int, int, int>;
+Kind kind_of(const LogEvent& event) {
+  const std::string& name = event.channel;
+  const bool is_scan = name == channel::kLidarScan, is_map = name == channel::kSogm || name == channel::kSeenSpace;
+  const int sensor = is_scan || name == channel::kDepthImage ? short_at(kSensorAt, event.bytes) : 0;
+  const int part = is_scan ? short_at(kScanPartAt, event.bytes) : is_map ? short_at(kMapPartAt, event.bytes) : 0;
+  return {name, short_at(kRobotAt, event.bytes), sensor, part};
+}
+
 }  // namespace
 
 LogIndex::LogIndex(const std::vector<std::string>& paths) : paths_(paths) {
-  std::map<std::tuple<std::string, int, int>, std::uint32_t> kinds;
+  std::map<Kind, std::uint32_t> kinds;
   LogEvent event;
   for (std::uint32_t file = 0; file < paths.size(); ++file) {
     LcmLog log(paths[file]);
     const std::size_t before = entries_.size();
     while (log.next(&event)) {
-      const int part = event.channel == channel::kSogm ? short_at(kPartAt, event.bytes) : 0;
-      const auto kind = kinds.try_emplace({event.channel, short_at(kRobotAt, event.bytes), part},
-                                          static_cast<std::uint32_t>(kinds.size()));
+      const auto kind = kinds.try_emplace(kind_of(event), static_cast<std::uint32_t>(kinds.size()));
       entries_.push_back({event.utime, event.offset, kind.first->second, file});
     }
     if (entries_.size() == before) {

@@ -18,7 +18,8 @@ using namespace sogm_swarm;
 namespace {
 
 constexpr int kPointsPerPiece = 6;
-constexpr double kReach_m = 20.0;  // corridors are drawn no further from their middle
+constexpr std::size_t kScanPoints = 10'000;  // of a scan, so many are drawn
+constexpr double kReach_m = 20.0;            // corridors are drawn no further from their middle
 
 // Enough digits for a screen.
 double rounded(double value) {
@@ -93,6 +94,22 @@ Json map_json(const map_status_t& status) {
           {"obstacles", status.obstacles},           {"refused", refused_json(status)}};
 }
 
+Json perception_json(const perception_status_t& status) {
+  static constexpr std::array kStates = {"running", "no scan", "its pose jumps"};
+  static constexpr std::array kMapStates = {"none", "kept", "full", "not written"};
+  return {{"state", name_of(kStates, status.state)},
+          {"rate_hz", rounded(status.rate_hz)},
+          {"scan_ms", rounded(status.scan_ms)},
+          {"points", status.points},
+          {"masked", status.masked},
+          {"moving", status.moving},
+          {"standing", status.standing},
+          {"jumps", status.jumps},
+          {"blind", status.blind},
+          {"map", name_of(kMapStates, status.map_state)},
+          {"refused", refused_json(status)}};
+}
+
 Json broadcast_json(const broadcast_status_t& status) {
   static constexpr std::array kStates = {"flying",     "no robot state", "waiting for a peer",
                                          "no storage", "clocks differ",  "another speaks under this id",
@@ -157,23 +174,27 @@ Json robots_json(const SwarmPicture& picture, Utime now, FrameWriter* writer) {
     if (robot.planner) json["planner"] = planner_json(*robot.planner);
     if (robot.map) json["map"] = map_json(*robot.map);
     if (robot.broadcast) json["broadcast"] = broadcast_json(*robot.broadcast);
+    if (robot.perception) json["perception"] = perception_json(*robot.perception);
     json["traffic"] = traffic_json(robot, now);
-    json["has_sogm"] = robot.has_maps;
+    json["has_sogm"] = robot.sogm.was_heard();
+    json["has_sensors"] = robot.seen_space.was_heard();
     all.push_back(std::move(json));
   }
   return all;
 }
 
-Json obstacles_json(const SwarmPicture& picture, Utime now) {
+Json obstacles_json(const SwarmPicture& picture, Utime now, int looker) {
   static constexpr std::array kShapes = {"column", "ring", "box", "sphere"};
   Json all = Json::array();
-  for (const auto& [id, obstacle] : picture.obstacles(now)) {
-    all.push_back({{"id", id},
+  for (const auto& [key, obstacle] : picture.obstacles(now, looker)) {
+    const auto& [seen_by, id] = key;
+    all.push_back({{"id", seen_by < 0 ? Json(id) : Json(std::to_string(seen_by) + ":" + std::to_string(id))},
                    {"shape", name_of(kShapes, obstacle.shape)},
                    {"position", vector_json(obstacle.position)},
                    {"velocity", vector_json(obstacle.velocity)},
                    {"yaw", rounded(obstacle.yaw)},
-                   {"size", vector_json(obstacle.size)}});
+                   {"size", vector_json(obstacle.size)},
+                   {"sigma", rounded(double{obstacle.position_sigma})}});
   }
   return all;
 }
@@ -191,6 +212,19 @@ Json sogm_json(const Sogm& sogm, int frame, FrameWriter* writer) {
           {"origin", {sogm.geometry.origin.x(), sogm.geometry.origin.y(), sogm.geometry.origin.z()}},
           {"size", {sogm.geometry.size.x(), sogm.geometry.size.y(), sogm.geometry.size.z()}},
           {"voxels", writer->array(std::span<const std::int16_t>(numbers, 4 * surface.size()))}};
+}
+
+Json scans_json(const RobotPicture& robot, Utime now, FrameWriter* writer) {
+  std::vector<float> numbers;
+  Json masks = Json::array();
+  for (const auto& [sensor, scan] : robot.scans.sensors()) {
+    if (std::chrono::abs(now - scan.utime()) > 1s) continue;
+    for (const Eigen::Vector4f& point : scan.points(kScanPoints))
+      numbers.insert(numbers.end(), point.begin(), point.end());
+    for (const PeerMask::Ball& ball : scan.robots())
+      masks.push_back({{"position", vector_json(ball.center)}, {"radius", rounded(ball.radius_m)}});
+  }
+  return {{"points", writer->array(std::span<const float>(numbers))}, {"masks", masks}};
 }
 
 Json corridors_json(const RobotPicture& robot, FrameWriter* writer) {

@@ -36,11 +36,16 @@ class FrameWriter {
 // Places [m], goals, trajectories as float32 triples, ages [s], rates [Hz] and counters of every robot.
 Json robots_json(const SwarmPicture& picture, Utime now, FrameWriter* writer);
 
-Json obstacles_json(const SwarmPicture& picture, Utime now);
+// `looker`: see SwarmPicture::obstacles.
+Json obstacles_json(const SwarmPicture& picture, Utime now, int looker);
 
 // The surface voxels of a frame, or for -1 of all, each with the first frame that it is occupied in: int16 x, y, z in
 // the window, frame.
 Json sogm_json(const Sogm& sogm, int frame, FrameWriter* writer);
+
+// What the robot's sensors saw within the last second: float32 x, y, z [m], 1 on a robot or else 0; and the balls that
+// robots are taken to be in.
+Json scans_json(const RobotPicture& robot, Utime now, FrameWriter* writer);
 
 // The faces of the corridor's polytopes, as triangles, and their edges: float32 triples.
 Json corridors_json(const RobotPicture& robot, FrameWriter* writer);

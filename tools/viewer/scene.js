@@ -109,6 +109,23 @@ class SwarmScene {
       `vec4 place(vec4 cube) { color = vec3(0.62, 0.66, 0.7); return cube; }`, {}, 1.0);
     this.scene.add(this.walls.mesh);
 
+    // What a robot's sensors saw: where rays ended, those on robots in violet; and what it holds to stand.
+    this.scan = new Cubes(Float32Array,
+      `vec4 place(vec4 cube) { color = mix(vec3(0.85, 0.33, 0.1), vec3(0.55, 0.37, 0.75), cube.w); return vec4(cube.xyz, 0.05); }`,
+      {}, 1.0);
+    this.standing = new Cubes(Int16Array, `
+      uniform vec3 origin;
+      uniform float resolution;
+      vec4 place(vec4 cube) {
+        color = vec3(0.45, 0.4, 0.36);
+        return vec4((origin + cube.xyz + 0.5) * resolution, resolution * 0.96);
+      }`,
+      { origin: { value: new THREE.Vector3() }, resolution: { value: 0.1 } }, 0.35);
+    this.masks = new THREE.Group();
+    this.sight = new THREE.Group();
+    this.sight.add(this.scan.mesh, this.standing.mesh, this.masks);
+    this.scene.add(this.sight);
+
     this.faces = new THREE.Mesh(new THREE.BufferGeometry(), new THREE.MeshBasicMaterial(
       { color: "#c77d0a", transparent: true, opacity: 0.07, side: THREE.DoubleSide, depthWrite: false }));
     this.edges = new THREE.LineSegments(new THREE.BufferGeometry(), new THREE.LineBasicMaterial(
@@ -199,9 +216,10 @@ class SwarmScene {
     }
   }
 
-  // The shape of an obstacle, of size 1 where the message has sizes.
-  static shape(obstacle) {
-    const [a, b, c] = obstacle.size;
+  // The shape of an obstacle, larger by `grown` (m) to every side.
+  static shape(obstacle, grown) {
+    const [a, b, c] = obstacle.shape === "ring" ? [obstacle.size[0], obstacle.size[1] + 2 * grown, 0]
+      : obstacle.size.map((size) => size + 2 * grown);
     if (obstacle.shape === "ring") {
       const ring = new THREE.TorusBufferGeometry(a, b / 2, 12, 48);
       ring.rotateY(Math.PI / 2);  // its axis along x
@@ -218,18 +236,23 @@ class SwarmScene {
     const told = new Set();
     for (const obstacle of obstacles) {
       told.add(obstacle.id);
-      const form = obstacle.shape + obstacle.size;
+      const uncertain = 2 * Math.round(100 * (obstacle.sigma || 0)) / 100;  // two standard deviations
+      const form = obstacle.shape + obstacle.size + "+" + uncertain;
       let drawn = this.obstacles.get(obstacle.id);
       if (drawn && drawn.form !== form) {
         this.removeObstacle(obstacle.id);
         drawn = undefined;
       }
       if (!drawn) {
-        const mesh = new THREE.Mesh(SwarmScene.shape(obstacle), new THREE.MeshLambertMaterial(
+        const mesh = new THREE.Mesh(SwarmScene.shape(obstacle, 0), new THREE.MeshLambertMaterial(
           { color: "#8a949c", transparent: true, opacity: 0.55 }));
+        const shell = new THREE.Mesh(SwarmScene.shape(obstacle, uncertain), new THREE.MeshBasicMaterial(
+          { color: "#8a949c", transparent: true, opacity: 0.18, depthWrite: false }));
+        shell.visible = uncertain > 0;
+        mesh.add(shell);
         const arrow = new THREE.ArrowHelper(new THREE.Vector3(1, 0, 0), new THREE.Vector3(), 1, "#4a545c", 0.25, 0.15);
         this.obstacleGroup.add(mesh, arrow);
-        drawn = { form: form, mesh: mesh, arrow: arrow };
+        drawn = { form: form, mesh: mesh, shell: shell, arrow: arrow };
         this.obstacles.set(obstacle.id, drawn);
       }
       drawn.mesh.position.set(...obstacle.position);
@@ -246,10 +269,12 @@ class SwarmScene {
   }
 
   removeObstacle(id) {
-    const { mesh, arrow } = this.obstacles.get(id);
+    const { mesh, shell, arrow } = this.obstacles.get(id);
     this.obstacleGroup.remove(mesh, arrow);
-    mesh.geometry.dispose();
-    mesh.material.dispose();
+    for (const part of [mesh, shell]) {
+      part.geometry.dispose();
+      part.material.dispose();
+    }
     arrow.line.material.dispose();
     arrow.cone.material.dispose();
     this.obstacles.delete(id);
@@ -263,6 +288,27 @@ class SwarmScene {
     this.voxels.set(numbers(sogm.voxels, Int16Array));
   }
 
+  setSeenSpace(grid, numbers) {
+    const uniforms = this.standing.material.uniforms;
+    uniforms.origin.value.set(...grid.origin);
+    uniforms.resolution.value = grid.resolution;
+    this.standing.set(numbers(grid.voxels, Int16Array));
+  }
+
+  setScans(scans, numbers) {
+    this.scan.set(numbers(scans.points));
+    while (this.masks.children.length < scans.masks.length) {
+      this.masks.add(new THREE.Mesh(new THREE.SphereBufferGeometry(1, 16, 12), new THREE.MeshBasicMaterial(
+        { color: "#8b5fbf", transparent: true, opacity: 0.12, depthWrite: false })));
+    }
+    this.masks.children.forEach((ball, i) => {
+      ball.visible = i < scans.masks.length;
+      if (!ball.visible) return;
+      ball.position.set(...scans.masks[i].position);
+      ball.scale.setScalar(scans.masks[i].radius);
+    });
+  }
+
   setCorridors(corridors, numbers) {
     for (const [mesh, place] of [[this.faces, corridors.triangles], [this.edges, corridors.edges]]) {
       mesh.geometry.dispose();
@@ -273,8 +319,9 @@ class SwarmScene {
   }
 
   forgetSelected() {
-    if (this.voxels.count > 0) this.voxels.set(new Int16Array(0));
-    this.corridors.visible = false;
+    for (const cubes of [this.voxels, this.standing, this.scan])
+      if (cubes.count > 0) cubes.set(new cubes.Numbers(0));
+    this.corridors.visible = this.masks.visible = false;
   }
 
   // So that all these places are seen, from the south and from above.

@@ -4,6 +4,7 @@
 #include <type_traits>
 #include <utility>
 
+#include "lcmtypes/bus/channels.h"
 #include "tools/logs/log_messages.h"
 
 namespace swarm {
@@ -58,18 +59,19 @@ std::optional<Eigen::Vector3d> RobotPicture::next_goal() const {
   return Eigen::Vector3d(goal->waypoints[static_cast<std::size_t>(waypoint)].position);
 }
 
-void RobotPicture::keep(Utime now, const announcement_t& message) {
+void RobotPicture::keep(Utime now, const announcement_t& message, PeerMask* masks) {
   if (!announcements.is_news(now, message.header)) return;  // it came another way as well
   announcements.count(now, message.header);
   radius_m = message.radius;
   motion = motion_of(message);
   pending = pending_of(message);
+  masks->hear(message, now);
 }
 
-Refusal RobotPicture::keep(const sogm_t& part, bool was_silent) {
+Refusal GridPicture::keep(const sogm_t& part, bool was_silent) {
   if (!assembler_ || was_silent) assembler_ = std::make_unique<SogmAssembler>();
-  const Assembly assembly = assembler_->add(part, &sogm);
-  if (assembly.status == AssemblyStatus::kComplete) ++num_maps;
+  const Assembly assembly = assembler_->add(part, &newest_);
+  if (assembly.status == AssemblyStatus::kComplete) ++count_;
   return assembly.refusal == Refusal::kSequence ? Refusal::kNone : assembly.refusal;
 }
 
@@ -80,16 +82,24 @@ Refusal SwarmPicture::take(Utime now, std::string_view channel, const T& message
   RobotPicture& robot = robots_[id];
   Traffic& traffic = robot.traffic.try_emplace(std::string(channel)).first->second;
   const bool was_silent = !traffic.is_fresh(now), is_news = traffic.is_news(now, message.header);
-  // What comes twice, or late, changes nothing. Parts of a map all have one number: the assembler knows.
-  if (!is_news && !std::is_same_v<T, sogm_t>) return Refusal::kNone;
+  // What comes twice, or late, changes nothing. Parts of a map, or of a scan, all have one number: assemblers know.
+  constexpr bool comes_in_parts = std::is_same_v<T, sogm_t> || std::is_same_v<T, lidar_scan_t>;
+  if (!is_news && !comes_in_parts) return Refusal::kNone;
   if (is_news) traffic.count(now, message.header);
   newest_utime_ = to_utime(message.header.utime);
   newest_came_ = now;
+  const bool is_kept = maps_of_.value_or(id) == id;
   if constexpr (std::is_same_v<T, sogm_t>) {
-    robot.has_maps = true;
-    return maps_of_.value_or(id) == id ? robot.keep(message, was_silent) : Refusal::kNone;
+    GridPicture& grid = channel == channel::kSeenSpace ? robot.seen_space : robot.sogm;
+    grid.was_heard_ = true;
+    return is_kept ? grid.keep(message, was_silent) : Refusal::kNone;
   }
-  if constexpr (std::is_same_v<T, announcement_t>) robot.keep(now, message);
+  if constexpr (std::is_same_v<T, lidar_scan_t> || std::is_same_v<T, depth_image_t>) {
+    if (was_silent) robot.scans = {};
+    if (is_kept) (void)robot.scans.add(message, &masks_);
+  }
+  if constexpr (std::is_same_v<T, perception_status_t>) robot.perception = message;
+  if constexpr (std::is_same_v<T, announcement_t>) robot.keep(now, message, &masks_);
   if constexpr (std::is_same_v<T, robot_state_t>) robot.state = message;
   if constexpr (std::is_same_v<T, goal_t>) robot.goal = message;
   if constexpr (std::is_same_v<T, obstacles_t>) robot.obstacles = message;
@@ -109,17 +119,19 @@ Refusal SwarmPicture::add(Utime now, std::string_view channel, std::span<const s
   return refusal;
 }
 
-std::map<int, obstacle_t> SwarmPicture::obstacles(Utime now) const {
-  std::map<int, obstacle_t> found;
-  std::map<int, Utime> told_utime;
+std::map<SwarmPicture::ObstacleId, obstacle_t> SwarmPicture::obstacles(Utime now, int looker) const {
+  std::map<ObstacleId, obstacle_t> found;
+  std::map<ObstacleId, Utime> told_utime;
   for (const auto& [id, robot] : robots_) {
-    if (!robot.obstacles) continue;
+    const bool sees = robot.seen_space.was_heard();
+    if (!robot.obstacles || (sees && looker >= 0 && looker != id)) continue;
     const Utime utime = to_utime(robot.obstacles->header.utime);
     if (!within(1s, now, utime)) continue;
     for (const obstacle_t& told : robot.obstacles->obstacles) {
-      if (told_utime.contains(told.id) && told_utime[told.id] >= utime) continue;
-      told_utime[told.id] = utime;
-      obstacle_t& moved = found[told.id] = told;
+      const ObstacleId key = {sees ? id : -1, told.id};
+      if (told_utime.contains(key) && told_utime[key] >= utime) continue;
+      told_utime[key] = utime;
+      obstacle_t& moved = found[key] = told;
       const double ahead_s = told.age_s + to_seconds(now - utime);
       for (int axis = 0; axis < 3; ++axis) moved.position[axis] += ahead_s * told.velocity[axis];
     }

@@ -10,10 +10,12 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <utility>
 
 #include "lcmtypes/bus/codec.h"
 #include "map_daemon/sogm_codec.h"
 #include "planner_daemon/trajectory/motion.h"
+#include "tools/logs/scan_picture.h"
 
 namespace swarm {
 
@@ -39,6 +41,23 @@ class Traffic {
   std::int32_t boot_ = -1;
 };
 
+// A grid that comes in parts: maps, and what was seen.
+class GridPicture {
+ public:
+  bool was_heard() const { return was_heard_; }   // some part of one came
+  const Sogm& newest() const { return newest_; }  // no frames: none came whole yet, or they are not kept
+  std::int64_t count() const { return count_; }   // that came whole
+
+ private:
+  friend class SwarmPicture;
+  Refusal keep(const sogm_swarm::sogm_t& part, bool was_silent);
+
+  bool was_heard_ = false;
+  Sogm newest_;
+  std::int64_t count_ = 0;
+  std::unique_ptr<SogmAssembler> assembler_;
+};
+
 struct RobotPicture {
   std::map<std::string, Traffic, std::less<>> traffic;  // by channel
   double radius_m = 0.0;                                // 0: not known yet
@@ -52,9 +71,9 @@ struct RobotPicture {
   std::optional<sogm_swarm::map_status_t> map;
   std::optional<sogm_swarm::planner_status_t> planner;
   std::optional<sogm_swarm::broadcast_status_t> broadcast;
-  bool has_maps = false;      // some part of one came
-  Sogm sogm;                  // no frames: none came whole yet, or they are not kept
-  std::int64_t num_maps = 0;  // that came whole
+  std::optional<sogm_swarm::perception_status_t> perception;
+  GridPicture sogm, seen_space;
+  ScanPictures scans;
 
   // Where it is: measured, or else by what it flies. Nothing: not known.
   std::optional<Eigen::Vector3d> position(Utime now) const;
@@ -63,17 +82,15 @@ struct RobotPicture {
 
  private:
   friend class SwarmPicture;
-  void keep(Utime now, const sogm_swarm::announcement_t& message);
-  Refusal keep(const sogm_swarm::sogm_t& part, bool was_silent);
-
-  std::unique_ptr<SogmAssembler> assembler_;
+  void keep(Utime now, const sogm_swarm::announcement_t& message, PeerMask* masks);
 };
 
 class SwarmPicture {
  public:
   static constexpr std::size_t kMaxRobots = 128;  // the first ones heard of; messages about others are refused
 
-  // `maps_of`: only this robot's maps are put together and kept, which takes megabytes; -1: nobody's; none: all.
+  // `maps_of`: only this robot's maps and scans are put together and kept, which takes megabytes; -1: nobody's; none:
+  // all.
   explicit SwarmPicture(std::optional<int> maps_of = {}) : maps_of_(maps_of) {}
 
   // One message of any channel; of channels that are none of ours nothing is kept. Refusals are
@@ -81,8 +98,11 @@ class SwarmPicture {
   Refusal add(Utime now, std::string_view channel, std::span<const std::uint8_t> bytes);
 
   const std::map<int, RobotPicture>& robots() const { return robots_; }
-  // Obstacles that were told of within the last second, by whoever told last, moved on to `now`.
-  std::map<int, sogm_swarm::obstacle_t> obstacles(Utime now) const;
+  // Obstacles that were told of within the last second, moved on to `now`: all that one source tells all robots of,
+  // each by whoever told last; and what `looker` sees with its own sensors, which it numbers itself; -1: what each
+  // sees.
+  using ObstacleId = std::pair<int, int>;  // who sees it, -1: told to all; and its number
+  std::map<ObstacleId, sogm_swarm::obstacle_t> obstacles(Utime now, int looker = -1) const;
   std::int64_t messages() const { return messages_; }  // taken or refused
   const RefusalCounts& refused() const { return refused_; }
   // How long before it came the content of the newest message was valid [s]: of clocks that differ, or a log.
@@ -94,6 +114,7 @@ class SwarmPicture {
   Refusal take(Utime now, std::string_view channel, const T& message);
 
   std::map<int, RobotPicture> robots_;
+  PeerMask masks_ = usual_peer_mask();
   std::optional<int> maps_of_;
   std::int64_t messages_ = 0;
   Utime newest_utime_{}, newest_came_{};

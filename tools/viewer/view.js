@@ -44,8 +44,12 @@ function take(buffer) {
     element("horizon").textContent = "+" + (frame.sogm.num_frames * frame.sogm.frame_duration_s).toFixed(1) + " s";
   }
   if (frame.corridors) scene.setCorridors(frame.corridors, numbers);
+  if (frame.seen_space) scene.setSeenSpace(frame.seen_space, numbers);
+  if (frame.scans) scene.setScans(frame.scans, numbers);
   scene.voxels.mesh.visible = element("show-sogm").checked && scene.voxels.count > 0;
   scene.corridors.visible = element("show-corridors").checked && frame.selected !== null;
+  scene.sight.visible = element("show-sight").checked;
+  scene.masks.visible = frame.selected !== null;
   const followed = frame.robots.find((robot) => robot.id === wish.select);
   if (element("follow").checked && followed && followed.position) scene.follow(followed.position);
   if (!chosen) {  // the first robot that has a map
@@ -90,6 +94,7 @@ function describe() {
   element("state").textContent = state + ", " + fps.toFixed(0) + " frames/s";
   element("message").textContent = messages.join(" ");
   element("goal-row").hidden = !frame.allow_goals;
+  element("sight-row").hidden = !frame.robots.some((robot) => robot.has_sensors);
   element("goal").textContent = settingGoal ? "Click into the scene" : "Set its goal";
   element("goal").classList.toggle("on", settingGoal);
   describeChoice();
@@ -126,7 +131,7 @@ const counts = (what) => Object.entries(what).map(([name, count]) => name + " " 
 // Rows of a robot's table: name, text, whether it is bad.
 function rows(robot) {
   const all = [];
-  const { planner, map, broadcast } = robot;
+  const { planner, map, broadcast, perception } = robot;
   if (planner) {
     all.push(["plans", planner.rate_hz.toFixed(1) + " /s, " + planner.outcome, planner.outcome === "unsafe"]);
     if (planner.total_ms > 0) all.push(["planning", planner.total_ms.toFixed(2) + " ms", false]);
@@ -134,6 +139,14 @@ function rows(robot) {
     if (planner.missed > 0) all.push(["maps missed", planner.missed, false]);
   }
   if (map) all.push(["map", map.rate_hz.toFixed(1) + " /s" + (map.build_ms > 0 ? ", " + map.build_ms.toFixed(2) + " ms" : ""), false]);
+  if (perception) {
+    all.push(["scans", perception.rate_hz.toFixed(1) + " /s" + (perception.scan_ms > 0 ? ", " + perception.scan_ms.toFixed(2) + " ms" : ""), false]);
+    all.push(["sees", perception.moving + " move, " + perception.standing + " stand", false]);
+    all.push(["points", perception.points + ", " + perception.masked + " on robots", false]);
+    if (perception.jumps > 0) all.push(["pose jumped", perception.jumps, true]);
+    if (perception.blind > 0) all.push(["saw nothing", perception.blind, true]);
+    if (perception.map !== "none") all.push(["kept map", perception.map, perception.map !== "kept"]);
+  }
   if (broadcast) {
     all.push(["commits", broadcast.commits + " of " + broadcast.candidates, false]);
     if (broadcast.forced > 0) all.push(["forced", broadcast.forced, true]);
@@ -145,7 +158,7 @@ function rows(robot) {
   }
   if (robot.announcement_age_s !== undefined) all.push(["announced", robot.announcement_age_s.toFixed(2) + " s ago", robot.announcement_age_s > 0.5]);
   if (robot.speed !== undefined) all.push(["speed", robot.speed.toFixed(2) + " m/s", false]);
-  for (const [daemon, status] of [["map", map], ["planner", planner], ["broadcast", broadcast]]) {
+  for (const [daemon, status] of [["map", map], ["planner", planner], ["broadcast", broadcast], ["perception", perception]]) {
     if (status && Object.keys(status.refused).length > 0) all.push([daemon + " refused", counts(status.refused), true]);
   }
   return all;
@@ -153,12 +166,14 @@ function rows(robot) {
 
 // The first thing that is not as it should be.
 function health(robot) {
-  const { planner, map, broadcast, traffic } = robot;
-  for (const [daemon, status, channel] of [["map", map, "MAP_STATUS"], ["planner", planner, "PLANNER_STATUS"], ["broadcast", broadcast, "BROADCAST_STATUS"]]) {
+  const { planner, map, broadcast, perception, traffic } = robot;
+  for (const [daemon, status, channel] of [["map", map, "MAP_STATUS"], ["planner", planner, "PLANNER_STATUS"], ["broadcast", broadcast, "BROADCAST_STATUS"],
+    ["perception", perception, "PERCEPTION_STATUS"]]) {
     if (status && traffic[channel] && traffic[channel].age_s > 2.5) return daemon + " daemon silent";
   }
   if (robot.announcement_age_s > 1) return "silent for " + robot.announcement_age_s.toFixed(0) + " s";
   if (broadcast && broadcast.state !== "flying") return broadcast.state;
+  if (perception && perception.state !== "running") return perception.state;
   if (map && map.state !== "running") return map.state;
   if (planner && planner.state !== "planning") return planner.state;
   return "";
@@ -236,6 +251,10 @@ window.shown = () => ({
   voxels: scene.voxels.mesh.visible ? scene.voxels.count : 0,
   corridors: scene.corridors.visible ? scene.edges.geometry.attributes.position.count / 2 : 0,
   walls: scene.walls.count,
+  scan: scene.sight.visible ? scene.scan.count : 0,
+  standing: scene.sight.visible ? scene.standing.count : 0,
+  masks: scene.masks.visible && scene.sight.visible ? scene.masks.children.filter((ball) => ball.visible).length : 0,
+  uncertain: [...scene.obstacles.values()].filter((obstacle) => obstacle.shell.visible).length,
   selected: wish.select,
   state: element("state").textContent,
   message: element("message").textContent,

@@ -25,7 +25,7 @@ void Viewer::obey(const Json& command) {
     source_->select(selected_);
   }
   if (command.contains("frame")) frame_ = command["frame"].get<int>();
-  if (others.erase("select") + others.erase("frame") > 0) sogm_sent_ = corridors_sent_ = -1;
+  if (others.erase("select") + others.erase("frame") > 0) sent_ = {};
   if (!others.empty()) source_->control(others);
 }
 
@@ -37,7 +37,7 @@ void Viewer::next_frame(std::vector<std::uint8_t>* bytes) {
   text["messages"] = picture.messages();
   text["refused"] = picture.refused().total();
   text["robots"] = robots_json(picture, utime, &writer_);
-  text["obstacles"] = obstacles_json(picture, utime);
+  text["obstacles"] = obstacles_json(picture, utime, selected_);
   if (num_errors_ > 0) text["error"] = {{"number", num_errors_}, {"text", error_}};
   if (static_map_ != nullptr && !static_map_sent_) {
     text["static_map"] = static_map_json(*static_map_, &writer_);
@@ -46,12 +46,15 @@ void Viewer::next_frame(std::vector<std::uint8_t>* bytes) {
   if (const auto found = picture.robots().find(selected_); found != picture.robots().end()) {
     const RobotPicture& robot = found->second;
     text["selected"] = selected_;
-    if (robot.num_maps != sogm_sent_ && robot.sogm.num_frames > 0)
-      text["sogm"] = sogm_json(robot.sogm, frame_, &writer_);
-    sogm_sent_ = robot.num_maps;
     const std::int64_t corridors = robot.corridors ? robot.corridors->header.seq : 0;
-    if (corridors != corridors_sent_) text["corridors"] = corridors_json(robot, &writer_);
-    corridors_sent_ = corridors;
+    const Sent now = {robot.sogm.count(), corridors, robot.seen_space.count(), robot.scans.count()};
+    if (now.sogm != sent_.sogm && robot.sogm.newest().num_frames > 0)
+      text["sogm"] = sogm_json(robot.sogm.newest(), frame_, &writer_);
+    if (now.corridors != sent_.corridors) text["corridors"] = corridors_json(robot, &writer_);
+    if (now.seen_space != sent_.seen_space && robot.seen_space.newest().num_frames > 0)
+      text["seen_space"] = sogm_json(robot.seen_space.newest(), 0, &writer_);
+    if (now.scans != sent_.scans) text["scans"] = scans_json(robot, utime, &writer_);
+    sent_ = now;
   } else {
     text["selected"] = nullptr;
   }

@@ -16,11 +16,12 @@ class Viewer : public WebClient {
   // `static_map` may be null; it must outlive this.
   Viewer(std::unique_ptr<PictureSource> source, const OccupiedCubes* static_map);
 
-  // A JSON object: {"select": robot whose SOGM and corridors are wanted, or null}, {"frame": of the SOGM, -1: all}, and
-  // what the source's control() takes. What is wrong with it is told in the next frames.
+  // A JSON object: {"select": robot whose SOGM, corridors and sight are wanted, or null}, {"frame": of the SOGM, -1:
+  // all}, and what the source's control() takes. What is wrong with it is told in the next frames.
   void on_message(std::string_view text) override;
 
-  // The picture as it is now; static map, SOGM and corridors only where they have changed since the last frame.
+  // The picture as it is now; static map, SOGM, corridors, scans and what was seen only where they have changed since
+  // the last frame.
   void next_frame(std::vector<std::uint8_t>* bytes) override;
 
  private:
@@ -30,7 +31,9 @@ class Viewer : public WebClient {
   const OccupiedCubes* static_map_;
   int selected_ = -1, frame_ = -1;
   bool static_map_sent_ = false;
-  std::int64_t sogm_sent_ = -1, corridors_sent_ = -1;  // what is sent already of the selected robot; -1: nothing
+  struct Sent {  // already, of the selected robot; -1: nothing
+    std::int64_t sogm = -1, corridors = -1, seen_space = -1, scans = -1;
+  } sent_;
   std::string error_;
   std::int64_t num_errors_ = 0;
   FrameWriter writer_;
