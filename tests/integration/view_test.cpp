@@ -1,4 +1,5 @@
 // The view as a program: its page, its stream, and what a real browser shows of a real flight.
+// Long because every thing that the page can be told or asked is tried on the program that runs.
 #include <octomap/OcTree.h>
 
 #include "lcmtypes/bus/channels.h"
