@@ -42,10 +42,10 @@ struct DrawingOptions {
 //   /robot<K>/sogm         PointCloud: centres of the map's surface voxels, t: start of the first frame in which the
 //                          voxel is occupied [s after the map's start]
 //   /robot<K>/corridors    SceneUpdate: the polytopes of the newest plan
-//   /robot<K>/lidar<S>     PointCloud: what one of its sensors saw, as far as perception looks, t: 1 on a robot, else
-//   0; /robot<K>/depth<S>     the same of a camera /robot<K>/masks        SceneUpdate: the balls in which points of the
-//   newest scan are taken for robots /robot<K>/seen_space   PointCloud: as sogm, of what perception holds to stand, t:
-//   0
+//   /robot<K>/lidar<S>     PointCloud: what one of its sensors saw, as far as perception looks, t: 1 on a robot, or 0
+//   /robot<K>/depth<S>     the same of a camera
+//   /robot<K>/masks        SceneUpdate: the balls in which points of the newest scan are taken for robots
+//   /robot<K>/seen_space   PointCloud: as sogm, of what perception holds to stand, t: 0
 class LogDrawing {
  public:
   using Sink = std::function<void(const Drawing&)>;

@@ -72,6 +72,7 @@ function aim() {
 
 function select(id) {
   chosen = true;
+  if (id !== wish.select) scene.forgetSelected();  // who has no sensors, or no map, sends none in their place
   wish.select = id;
   tell(wish);
   describe();
