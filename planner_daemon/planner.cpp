@@ -292,10 +292,14 @@ bool Planner::grow_corridors(const PlanRequest& request) {
     const auto piece_at = static_cast<std::size_t>(k);
     const Utime from = request.start_utime + k * config_.search.piece;
     const ControlPoints piece = quintic_control_points(path_.knots[piece_at], path_.knots[piece_at + 1], h);
-    const FiriStatus status =
-        corridor_builder_.build(piece, space_.occupancy(), space_.blocked_m(), search_.space(), from,
-                                from + config_.search.piece, &spline_problem_.corridors[piece_at]);
-    if (status != FiriStatus::kGrown) return false;
+    const auto grow = [&](const Occupancy& occupancy) {
+      return corridor_builder_.build(piece, occupancy, space_.blocked_m(), search_.space(), from,
+                                     from + config_.search.piece, &spline_problem_.corridors[piece_at]);
+    };
+    // What the path keeps from silent peers the curve keeps as well.
+    const auto wide = space_.with_silent_peer_margin();
+    if (wide && grow(*wide) == FiriStatus::kGrown) continue;
+    if (grow(space_.occupancy()) != FiriStatus::kGrown) return false;
   }
   result_.corridors = spline_problem_.corridors;
   return true;

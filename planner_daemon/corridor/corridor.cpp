@@ -15,13 +15,14 @@ std::uint64_t ones_between(int first, int last) {
 
 }  // namespace
 
-void CorridorBuilder::extract_surface(const Occupancy& occupancy, double blocked_m, int first_frame, int last_frame,
-                                      const Eigen::Vector3d& lower, const Eigen::Vector3d& upper) {
+bool CorridorBuilder::extract_surface(const Occupancy& occupancy, double blocked_m, int first_frame, int last_frame,
+                                      const Eigen::Vector3d& lower, const Eigen::Vector3d& upper,
+                                      const Eigen::Vector3d& seed) {
   obstacles_.clear();
   const GridGeometry& grid = occupancy.sogm->geometry;
   const Eigen::Vector3i low = grid.voxel_of(lower).cwiseMax(0);
   const Eigen::Vector3i high = grid.voxel_of(upper).cwiseMin(grid.size - Eigen::Vector3i::Ones());
-  if ((low.array() > high.array()).any()) return;
+  if ((low.array() > high.array()).any()) return false;
   const Columns box{low.head<2>(), high.head<2>()};
   dilator_.set(grid, blocked_m);
   layers_.clear();
@@ -52,6 +53,11 @@ void CorridorBuilder::extract_surface(const Occupancy& occupancy, double blocked
       }
     }
   }
+  const Eigen::Vector3i at = grid.voxel_of(seed);
+  if ((at.array() < low.array()).any() || (at.array() > high.array()).any()) return false;
+  const auto x = static_cast<std::size_t>(at.x() - low.x()), y = static_cast<std::size_t>(at.y() - low.y());
+  const std::uint64_t* column = columns_.data() + (x + 1) * row + (y + 1) * words;
+  return (column[at.z() / 64] >> (at.z() % 64) & 1) != 0;
 }
 
 FiriStatus CorridorBuilder::build(const ControlPoints& piece, const Occupancy& occupancy, double blocked_m,
@@ -63,7 +69,9 @@ FiriStatus CorridorBuilder::build(const ControlPoints& piece, const Occupancy& o
   const Eigen::Vector3d upper =
       (seed_max.array() + options_.extent_m).matrix().cwiseMin(space.max()).cwiseMax(seed_max);
   const Sogm& sogm = *occupancy.sogm;
-  extract_surface(occupancy, blocked_m, sogm.frame_at(from), sogm.frame_at(to - 1us), lower, upper);
+  const bool is_inside =
+      extract_surface(occupancy, blocked_m, sogm.frame_at(from), sogm.frame_at(to - 1us), lower, upper, piece.col(0));
+  if (is_inside && occupancy.apart != nullptr) return FiriStatus::kSeedBlocked;
   FiriOptions firi;
   firi.spacing_m = sogm.geometry.resolution_m;
   firi.half_extent_m = 0.5 * sogm.geometry.resolution_m;

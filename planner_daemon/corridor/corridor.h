@@ -28,7 +28,7 @@ class CorridorBuilder {
 
   // Polytope around `piece`, flown during [from, to], that holds all its control points, within `space`. Obstacles are
   // the voxels within `blocked_m` of what is occupied. kSeedBlocked when the centre of one lies in the hull of the
-  // control points.
+  // control points; where something is kept clear of besides, also when it holds the first of these.
   [[nodiscard]] FiriStatus build(const ControlPoints& piece, const Occupancy& occupancy, double blocked_m,
                                  const Eigen::AlignedBox3d& space, Utime from, Utime to, Polytope* polytope);
 
@@ -37,8 +37,9 @@ class CorridorBuilder {
   const std::vector<PointRun>& obstacles() const { return obstacles_; }
 
  private:
-  void extract_surface(const Occupancy& occupancy, double blocked_m, int first_frame, int last_frame,
-                       const Eigen::Vector3d& lower, const Eigen::Vector3d& upper);
+  // Whether `seed` is inside, where the surface does not tell.
+  bool extract_surface(const Occupancy& occupancy, double blocked_m, int first_frame, int last_frame,
+                       const Eigen::Vector3d& lower, const Eigen::Vector3d& upper, const Eigen::Vector3d& seed);
 
   CorridorOptions options_;
   Firi firi_;

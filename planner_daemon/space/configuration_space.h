@@ -61,6 +61,11 @@ class ConfigurationSpace {
   double way_m() const { return std::max(options_.blocked_m(), walls_.way_m()); }
 
   const Occupancy& occupancy() const { return occupancy_; }
+  // With the margin around silent peers; none: no such peer is near.
+  std::optional<Occupancy> with_silent_peer_margin() const {
+    if (silent_peers_.empty()) return {};
+    return Occupancy{occupancy_.sogm, &peers_, &silent_peers_};
+  }
   // Layout of all layers: geometry, frames and their times as in the SOGM. Its voxels are known where layers() or
   // blocked() were asked for them.
   const Sogm& grid() const { return blocked_.sogm; }

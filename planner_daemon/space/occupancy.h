@@ -11,11 +11,13 @@ namespace swarm {
 struct Occupancy {
   const Sogm* sogm = nullptr;
   const SweptVolumes* peers = nullptr;  // laid out like it; null: none
+  const SweptVolumes* apart = nullptr;  // likewise: what is kept clear of besides
 
   // What is occupied in a frame within `columns`.
   void append_layers(int frame, const Columns& columns, std::vector<Layer>* layers) const {
     layers->push_back(layer_of(*sogm, frame));
-    if (peers != nullptr) peers->append_layers(frame, columns, layers);
+    for (const SweptVolumes* volumes : {peers, apart})
+      if (volumes != nullptr) volumes->append_layers(frame, columns, layers);
   }
 };
 

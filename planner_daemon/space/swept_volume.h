@@ -17,6 +17,8 @@ class SweptVolumes {
   // For frames laid out like those of `sogm`; holds nothing yet.
   void lay_out(const Sogm& sogm);
 
+  bool empty() const { return words_.empty(); }
+
   // Adds the voxels whose centre comes within `radius_m` of the motion during a frame's interval, hover tail included
   // (the last frame stays in force: all that comes after belongs to it), though it may come earlier or later by up to
   // `clock_error` >= 0; in frame i at least those in columns bounds[i] of the window. Conservative: each span of the

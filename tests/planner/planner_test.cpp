@@ -302,6 +302,35 @@ TEST(PlannerTest, KeepsOutOfWhatWasRecentlyOccupied) {
   EXPECT_LT(samples_there(0.8), without / 3);
 }
 
+// The way past a silent peer keeps the margin around it where it can; the curve must not cut the corner that this
+// makes.
+TEST(PlannerTest, SmoothsOutsideTheMarginAroundSilentPeers) {
+  PlannerConfig config = flat_config();
+  config.limits.space_min.z() = -0.3;  // past it, not over it
+  config.limits.space_max.z() = 0.3;
+  Planner planner(config);
+  Rng rng(5);
+  const auto place = [&](double x_m) { return Vector3d(x_m, uniform(rng, -0.5, 0.5), 0.02); };
+  int smooth = 0, within = 0;
+  for (int trial = 0; trial < 200; ++trial) {
+    std::vector<Peer> peers(1);
+    const Vector3d peer(uniform(rng, -0.5, 1.5), uniform(rng, -0.6, 0.6), 0.0);
+    peers[0].motion = hovering(peer);
+    peers[0].silent = true;
+    const Sogm sogm = map_at(kStart);
+    const Vector3d from = place(-4.0), to = place(-1.0);
+    const Motion own{line(kStart - 1500ms, 3s, from, to), {}};  // 1.9 m/s on the way there
+    const PlanRequest request = make_request(sogm, own, place(4.5), peers);
+    const PlanResult& result = planner.plan(request);
+    smooth += result.outcome == PlanOutcome::kSmooth;
+    const Trajectory& plan = result.trajectory;
+    const double least_m = least_distance({plan, {}}, peers[0].motion, plan.start_utime(), plan.end_utime());
+    within += least_m < peers[0].radius_m + config.space.blocked_m() + config.space.silent_peer_margin_m - 0.05;
+  }
+  EXPECT_GT(smooth, 190);
+  EXPECT_LT(within, 90);  // 131 where the curve may cut
+}
+
 // A dead end appears in front of the robot: whoever prepares the next plans knows it before what looks far ahead is
 // due.
 TEST(PlannerTest, LooksFarAheadBetweenPlans) {

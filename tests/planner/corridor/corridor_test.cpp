@@ -256,5 +256,33 @@ TEST(CorridorTest, RefusesASeedAroundAnOccupiedVoxel) {
             FiriStatus::kGrown);  // not yet there
 }
 
+TEST(CorridorTest, KeepsOutOfWhatIsKeptClearOfBesides) {
+  const Sogm sogm = empty_map({4, 4, 2}, 0.1, 1, kStart, 200ms);
+  const Motion hovers{Trajectory::hover(1, kStart - 1s, {0, 0, 0}), {}};
+  const Columns all = all_columns(sogm.geometry);
+  SweptVolumes peer, apart;
+  for (SweptVolumes* volumes : {&peer, &apart}) {
+    volumes->lay_out(sogm);
+    EXPECT_TRUE(volumes->empty());
+    volumes->add(hovers, volumes == &peer ? 0.25 : 0.75, 0us, {&all, 1});
+    EXPECT_FALSE(volumes->empty());
+  }
+  CorridorBuilder builder(CorridorOptions{});
+  ControlPoints piece;
+  Polytope polytope;
+  const auto grow = [&](double y, const Occupancy& occupancy) {
+    for (int k = 0; k < 6; ++k) piece.col(k) = Vector3d(0.06 * k - 0.15, y, 0.02);
+    return builder.build(piece, occupancy, 0.0, kAll, kStart, kStart + 200ms, &polytope);
+  };
+  const Vector3d between(0.0, 0.6, 0.02);
+  ASSERT_EQ(grow(1.0, {&sogm, &peer}), FiriStatus::kGrown);
+  EXPECT_LT(polytope.violation(between), 0.0);
+  ASSERT_EQ(grow(1.0, {&sogm, &peer, &apart}), FiriStatus::kGrown);
+  EXPECT_GT(polytope.violation(between), 0.0);
+  // All inside: no surface tells.
+  EXPECT_EQ(grow(0.45, {&sogm, &peer}), FiriStatus::kGrown);
+  EXPECT_EQ(grow(0.45, {&sogm, &peer, &apart}), FiriStatus::kSeedBlocked);
+}
+
 }  // namespace
 }  // namespace swarm
