@@ -101,7 +101,7 @@ RunReport fly(const RunOptions& run, const FlightOptions& flight, const World& w
   } else {
     for (const int signal : {SIGINT, SIGTERM}) std::signal(signal, [](int) { stopped = 1; });
     report = run_lockstep(world, static_map, flight, LockstepDelays(), logs, trace, progress);
-    if (stopped != 0) throw Interrupted();
+    if (stopped != 0 && !world.is_endless()) throw Interrupted();
   }
   line.done();
   report.options = option_values(run.flight);

@@ -47,7 +47,7 @@ class Run:
             self.world, self.report = json.loads(texts["world.json"]), json.loads(texts["report.json"])
             rows = rows_of(texts["trace.csv"])
             self.robots = {robot["id"]: robot for robot in self.world["robots"]}
-            self.goals = {i: [goal["position"] for goal in robot.get("goals", [])] or [robot["goal"]] for i, robot in self.robots.items()}
+            self.goals = {i: [goal["position"] for goal in robot.get("goals", [])] or [robot[key] for key in ["goal"] if key in robot] for i, robot in self.robots.items()}
             self.traces = {i: rows[rows[:, 1] == i] for i in self.robots}
             told = rows_of(commanded.read_text(encoding="utf-8")) if commanded.exists() else None
             self.commanded = {} if told is None else {i: told[told[:, 1] == i] for i in self.robots}
@@ -144,7 +144,7 @@ def draw_scene(axis, run, k, since=0):
     for wall in run.walls:
         axis.add_patch(plt.Rectangle(wall["min"][:2], *np.subtract(wall["max"], wall["min"])[:2], **SOLID))
     for i, trace in run.traces.items():
-        color, goals = run.color(i), np.array(run.goals[i])
+        color, goals = run.color(i), np.array(run.goals[i]).reshape(-1, 3)
         axis.plot(trace[since:, 2], trace[since:, 3], color=color, linewidth=1.2, label=f"robot {i}")
         axis.plot(goals[:, 0], goals[:, 1], marker="x", linestyle="none", color=color, markersize=6)
         axis.add_patch(plt.Circle(trace[k, 2:4], run.robots[i]["radius"], color=color, zorder=3))

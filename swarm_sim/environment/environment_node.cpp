@@ -62,7 +62,8 @@ Utime EnvironmentNode::step(Utime now, Outbox& outbox) {
       outbox.publish(BusId::kOnboard, channel::kDepthImage, image);
   }
   if (tells_state_) outbox.publish(BusId::kOnboard, channel::kRobotState, state(own_time));
-  if (t_s >= 0.0 && tick >= goal_.due(tick, kGoalPeriod)) {
+  const bool has_goal = !simulation_.world().robots[index_].is_told;
+  if (has_goal && t_s >= 0.0 && tick >= goal_.due(tick, kGoalPeriod)) {
     goal_.done(tick);
     outbox.publish(BusId::kOnboard, channel::kGoal, goal(own_time));
   }
@@ -90,19 +91,18 @@ void EnvironmentNode::look(Utime tick) {
   std::vector<RayCaster::Ball> others;
   for (std::size_t i = 0; i < world.robots.size(); ++i)
     if (i != index_) others.push_back({simulation_.vehicles()[i].state().position, world.robots[i].radius_m});
-  const auto pose = [&](const MotionState& state) {
-    const bool tilts = world.vehicle.kind == "quadrotor";
-    return Pose{state.position,
-                attitude_of(tilts ? vehicle().state().acceleration : Eigen::Vector3d::Zero(), vehicle().yaw_rad())};
-  };
+  const bool tilts = world.vehicle.kind == "quadrotor";
+  const Eigen::Vector3d acceleration = tilts ? vehicle().estimate().acceleration : Eigen::Vector3d::Zero();
+  const Pose believed{vehicle().estimate().position, attitude_of(acceleration, vehicle().yaw_rad())};
+  const Pose truth{vehicle().state().position, inverse(vehicle().drifted()).orientation * believed.orientation};
   Scan scan{.due = tick + to_duration(1e-3 * world.sensor.latency_ms), .parts = {}, .images = {}};
   const sogm_swarm::header_t header = scan_headers_.next(vehicle().own_time(tick));
   const double t_s = simulation_.t_s(tick);
   if (world.sensor.kind == "lidar") {
-    scan.parts = range_sensors_.scan(caster_, others, t_s, pose(vehicle().state()), pose(vehicle().estimate()));
+    scan.parts = range_sensors_.scan(caster_, others, t_s, truth, believed);
     for (sogm_swarm::lidar_scan_t& part : scan.parts) part.header = header;
   } else {
-    scan.images = range_sensors_.images(caster_, others, t_s, pose(vehicle().state()), pose(vehicle().estimate()));
+    scan.images = range_sensors_.images(caster_, others, t_s, truth, believed);
     for (sogm_swarm::depth_image_t& image : scan.images) image.header = header;
   }
   scans_.push_back(std::move(scan));

@@ -93,7 +93,7 @@ void Judge::follow(std::size_t i, const MotionState& state, double step_s) {
   verdict.max_acceleration_mps2 = verdict.max_acceleration_mps2.cwiseMax(state.acceleration.cwiseAbs());
   const double speed_mps = state.velocity.norm();
   if (speed_mps >= kAtRest_mps) rest_since_s_[i] = t_s_;
-  if (!verdict.flight_time_s) judge_mission(i, state);
+  if (!verdict.flight_time_s && !world_.robots[i].is_told) judge_mission(i, state);
 }
 
 void Judge::judge_mission(std::size_t i, const MotionState& state) {
@@ -153,13 +153,20 @@ void Judge::judge_robots(std::span<const MotionState> robots) {
   }
 }
 
+// Whoever is told where to go by others has no place to arrive at.
+bool Judge::has_arrived(std::size_t i) const {
+  return verdicts_[i].flight_time_s || world_.robots[i].is_told;
+}
+
 bool Judge::all_arrived() const {
-  return std::ranges::all_of(verdicts_, [](const RobotVerdict& v) { return v.flight_time_s.has_value(); });
+  for (std::size_t i = 0; i < verdicts_.size(); ++i)
+    if (!has_arrived(i)) return false;
+  return true;
 }
 
 bool Judge::finished() const {
   if (t_s_ >= time_limit_s_ - kTimeTolerance_s) return true;
-  if (!all_arrived()) return false;
+  if (!all_arrived() || world_.is_endless()) return false;
   double last_s = 0.0;
   for (const RobotVerdict& verdict : verdicts_) last_s = std::max(last_s, *verdict.flight_time_s);
   return t_s_ >= last_s + kAfterArrival_s - kTimeTolerance_s;
@@ -169,8 +176,7 @@ Outcome Judge::outcome() const {
   if (!touches_.empty()) return Outcome::kCollision;
   if (all_arrived()) return Outcome::kSuccess;
   for (std::size_t i = 0; i < verdicts_.size(); ++i) {
-    if (!verdicts_[i].flight_time_s && t_s_ - rest_since_s_[i] >= kDeadlock_s - kTimeTolerance_s)
-      return Outcome::kDeadlock;
+    if (!has_arrived(i) && t_s_ - rest_since_s_[i] >= kDeadlock_s - kTimeTolerance_s) return Outcome::kDeadlock;
   }
   return Outcome::kTimeout;
 }

@@ -69,7 +69,7 @@ class Judge {
   // number of robots, on a time not later than the one before, on values that are not finite.
   void update(double t_s, std::span<const MotionState> robots);
 
-  // Two seconds after the last arrival, or at the time limit.
+  // Two seconds after the last arrival, but not in an endless world, or at the time limit.
   bool finished() const;
   // As of the newest update.
   Outcome outcome() const;
@@ -77,6 +77,7 @@ class Judge {
   const std::vector<RobotVerdict>& robots() const { return verdicts_; }
 
  private:
+  bool has_arrived(std::size_t i) const;
   bool all_arrived() const;
   void follow(std::size_t i, const MotionState& state, double step_s);
   void judge_mission(std::size_t i, const MotionState& state);

@@ -42,10 +42,6 @@ Eigen::Quaterniond attitude_of(const Eigen::Vector3d& acceleration, double yaw_r
   return Eigen::Quaterniond(axes);
 }
 
-Pose operator*(const Pose& outer, const Pose& inner) {
-  return {outer.position + outer.orientation * inner.position, outer.orientation * inner.orientation};
-}
-
 Pose pose_of(const Mount& mount) {
   const auto about = [](double degrees, const Eigen::Vector3d& axis) {
     const SinCos half = sin_cos(0.5 * degrees * kDegree);

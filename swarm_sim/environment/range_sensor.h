@@ -9,19 +9,12 @@
 #include "lcmtypes/bus/time.h"
 #include "sogm_swarm/depth_image_t.hpp"
 #include "sogm_swarm/lidar_scan_t.hpp"
+#include "swarm_sim/environment/pose_drift.h"
 #include "swarm_sim/environment/ray_caster.h"
 #include "swarm_sim/environment/wander.h"
 #include "swarm_sim/world/random.h"
 
 namespace swarm {
-
-// Of a sensor or a body, in the world.
-struct Pose {
-  Eigen::Vector3d position = Eigen::Vector3d::Zero();               // W [m]
-  Eigen::Quaterniond orientation = Eigen::Quaterniond::Identity();  // to W
-};
-
-Pose operator*(const Pose& outer, const Pose& inner);
 
 // How it sits on a body, and looks along x.
 Pose pose_of(const Mount& mount);

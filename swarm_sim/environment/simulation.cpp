@@ -2,6 +2,7 @@
 
 #include <stdexcept>
 #include <string>
+#include <utility>
 
 namespace swarm {
 
@@ -15,8 +16,13 @@ Simulation::Simulation(const World& world, const OccupiedCubes* static_map, cons
       now_(tick_at(utime)),
       tracking_m_(world.robots.size()) {
   const std::vector<Duration> clocks = clock_offsets(options.clock_offset_ms, world);
-  for (std::size_t i = 0; i < world.robots.size(); ++i)
-    vehicles_.emplace_back(world.robots[i].id, world.robots[i].start, clocks[i], world.vehicle, world.name);
+  for (std::size_t i = 0; i < world.robots.size(); ++i) {
+    const int id = world.robots[i].id;
+    std::optional<PoseDrift> drift;
+    if (!world.sensor.pose_drift.empty())
+      drift.emplace(world.sensor.pose_drift, seed_of(world.name + " drift " + std::to_string(id)));
+    vehicles_.emplace_back(id, world.robots[i].start, clocks[i], world.vehicle, world.name, std::move(drift));
+  }
 }
 
 void Simulation::start(Utime utime) {
@@ -40,7 +46,7 @@ void Simulation::tick() {
   });
   states_.clear();
   for (Vehicle& vehicle : vehicles_) {
-    vehicle.move_to(now_);
+    vehicle.move_to(now_, t_s(now_));
     states_.push_back(vehicle.state());
   }
   if (!start_ || now_ < *start_) return;

@@ -1,5 +1,7 @@
 #include "swarm_sim/environment/vehicle.h"
 
+#include <utility>
+
 #include "lcmtypes/bus/receive.h"
 
 namespace swarm {
@@ -10,18 +12,19 @@ constexpr Duration kSetpointTimeout = 50ms, kTargetTimeout = 500ms;
 }  // namespace
 
 Vehicle::Vehicle(int robot_id, const Eigen::Vector3d& start, Duration clock_offset, const VehicleOptions& options,
-                 const std::string& world)
+                 const std::string& world, std::optional<PoseDrift> drift)
     : id_(robot_id),
       clock_offset_(clock_offset),
       controller_offset_(clock_offset),
       setpoints_offset_(clock_offset),
       model_(make_vehicle_model(options, start, seed_of(world + " vehicle " + std::to_string(robot_id)),
                                 seed_of(world + " wind"))),
+      drift_(std::move(drift)),
       own_noise_m_(options.own_noise_m),
       random_(seed_of(world + " robot " + std::to_string(robot_id))),
       own_error_(&random_) {
   state_.position = start;
-  estimate_ = reference_ = state_;
+  body_ = estimate_ = reference_ = state_;
 }
 
 void Vehicle::on_setpoint(Utime utime, std::span<const std::uint8_t> bytes) {
@@ -42,15 +45,19 @@ void Vehicle::on_own_trajectory(std::span<const std::uint8_t> bytes) {
   if (receive(bytes, FromRobot{id_}, {}, AnyOrder{}, &message) == Refusal::kNone) motion_ = motion_of(message);
 }
 
-void Vehicle::move_to(Utime utime) {
+void Vehicle::move_to(Utime utime, double t_s) {
   const MotionState error = own_error();
   if (setpoint_) {
     reference_ = reference_at(utime);
     const bool pushes = target_ && target_->thrust && utime - target_->heard <= kTargetTimeout;
-    state_ = pushes ? model_->push(*target_->thrust) : model_->follow(told_at(utime), error);
+    body_ = pushes ? model_->push(*target_->thrust) : model_->follow(told_at(utime), error);
     yaw_rad_ = target_ ? target_->yaw_rad : setpoint_->yaw;
   }
-  estimate_ = state_;
+  estimate_ = state_ = body_;
+  if (drift_) {
+    drifted_ = drift_->at(t_s);
+    state_ = drift_->truth_of(body_, t_s);
+  }
   if (own_noise_m_ == 0.0) return;
   estimate_.position += error.position;
   estimate_.velocity += error.velocity;

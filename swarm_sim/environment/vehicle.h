@@ -8,6 +8,7 @@
 
 #include "lcmtypes/bus/codec.h"
 #include "planner_daemon/trajectory/motion.h"
+#include "swarm_sim/environment/pose_drift.h"
 #include "swarm_sim/environment/vehicle_model.h"
 
 namespace swarm {
@@ -15,8 +16,9 @@ namespace swarm {
 class Vehicle {
  public:
   // At rest at `start`, W [m]; its clock is so much ahead of the world's. Noise and wind are those of the world's name.
+  // With `drift` it flies in the frame of its odometry.
   Vehicle(int robot_id, const Eigen::Vector3d& start, Duration clock_offset, const VehicleOptions& options = {},
-          const std::string& world = "");
+          const std::string& world = "", std::optional<PoseDrift> drift = {});
 
   // Its clock is set.
   void step_clock(Duration by) { clock_offset_ += by; }
@@ -34,15 +36,17 @@ class Vehicle {
   void on_own_trajectory(std::span<const std::uint8_t> bytes);
 
   // Moves on by VehicleModel::kStep_s to `utime` of the world: after the newest setpoint, carried on. Stays where it is
-  // before the first one.
-  void move_to(Utime utime);
+  // before the first one. `t_s`: of the world, negative before the flight.
+  void move_to(Utime utime, double t_s = -1.0);
 
   int id() const { return id_; }
   // Where it is, where it takes itself to be, and where it was told to be.
   const MotionState& state() const { return state_; }
   const MotionState& estimate() const { return estimate_; }
   const MotionState& reference() const { return reference_; }
-  double yaw_rad() const { return yaw_rad_; }
+  double yaw_rad() const { return yaw_rad_; }  // as it takes itself to be turned
+  // From truth to where it takes things to be.
+  const Pose& drifted() const { return drifted_; }
   // Of the robot's clock at `utime` of the world.
   Utime own_time(Utime utime) const { return utime + clock_offset_; }
 
@@ -58,9 +62,12 @@ class Vehicle {
   Duration clock_offset_;
   Duration controller_offset_;  // of the flight controller's clock, which nobody sets
   Duration setpoints_offset_;   // of the clock by which it is told where to fly
+  MotionState body_;            // in the frame of its odometry
   MotionState state_, estimate_, reference_;
   double yaw_rad_ = 0.0;
   std::unique_ptr<VehicleModel> model_;
+  std::optional<PoseDrift> drift_;
+  Pose drifted_;
   double own_noise_m_;
   Random random_;
   EstimateError own_error_;

@@ -34,7 +34,7 @@ struct Interrupted : std::runtime_error {
 
 // Flies `world` to its end; all children have ended when this returns or throws. `logs` and `trace` may be null. Throws
 // std::runtime_error when a daemon cannot be started, does not get ready or dies, Interrupted on a signal or when
-// `progress` ends the run.
+// `progress` ends the run, but in an endless world.
 RunReport run_processes(const World& world, const OccupiedCubes* static_map, const FlightOptions& options,
                         const ProcessOptions& processes, BusLog* logs, FlightTrace* trace,
                         const ProgressCallback& progress);

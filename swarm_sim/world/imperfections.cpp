@@ -3,9 +3,11 @@
 #include <array>
 #include <cmath>
 #include <sstream>
+#include <stdexcept>
 
 #include "lcmtypes/bus/limits.h"
 #include "lcmtypes/bus/option_set.h"
+#include "tools/scans/pose_file.h"
 
 namespace swarm {
 
@@ -39,6 +41,15 @@ std::vector<Mount> parse_mounts(const std::string& text) {
   }
   if (text.back() == ',' || std::ssize(mounts) > kMaxSensors) fail();
   return mounts;
+}
+
+void check_pose_drift(const std::string& file) {
+  if (file.empty()) return;
+  try {
+    (void)PoseTrack(file);
+  } catch (const std::runtime_error& error) {
+    throw OptionError(std::string("must be a file of poses; ") + error.what());
+  }
 }
 
 }  // namespace swarm

@@ -38,6 +38,7 @@ struct SensorOptions {
   double false_alarms = 0.0;                        // detections of nothing in a message, on average
   double merge_m = 0.0;                             // columns this near to each other are taken for one
   double pose_noise_m = 0.0, pose_noise_deg = 0.0;  // by so much a lidar or depth camera errs about where it is
+  std::string pose_drift;                           // file: robots drift from where they take themselves to be
   std::string mounts;                               // of several of them, see parse_mounts(); empty: one, ahead
   std::string known_map = "static";                 // what robots know before they fly: the static map, or none
   bool operator==(const SensorOptions&) const = default;
@@ -67,6 +68,9 @@ std::vector<Mount> parse_mounts(const std::string& text);
 inline void check_mounts(const std::string& text) {
   (void)parse_mounts(text);
 }
+
+// Throws OptionError unless it is a file of poses (tools/scans/pose_file.h); "": none.
+void check_pose_drift(const std::string& file);
 
 // Every value once, under the name that it has on the command line and in world files: visit(name, value, low, high,
 // unit, help) for numbers, visit(name, value, words, help) for one of some words, visit(name, value, check, help) for a
@@ -105,6 +109,9 @@ void for_each_sensor_option(Options& sensor, const Visit& visit) {
   visit("sense-merge-m", sensor.merge_m, 0, 10, "m", "columns this near to each other are taken for one");
   visit("pose-noise-m", sensor.pose_noise_m, 0, 1, "m", "depth, lidar: deviation of an axis of where the sensor is");
   visit("pose-noise-deg", sensor.pose_noise_deg, 0, 10, "deg", "depth, lidar: and of how it is turned");
+  visit("pose-drift", sensor.pose_drift, &check_pose_drift,
+        "file with the error of an odometry by time, as poses: robots take themselves and what they see to be so far "
+        "off");
   visit(
       "mounts", sensor.mounts, &check_mounts,
       "depth, lidar: YAW[:PITCH[:X:Y:Z]],...: how each of several sensors sits on its robot, in degrees (to the left, "

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <filesystem>
 #include <numbers>
 #include <optional>
@@ -50,6 +51,7 @@ struct WorldRobot {
   Mission mission = {{}};  // never empty
   double radius_m = 0.2;
   std::optional<MotionLimits> limits = std::nullopt;  // none: the world's
+  bool is_told = false;  // others tell it where to go, all the time: its mission is to be at its start
 
   const Eigen::Vector3d& goal() const { return mission.back().position; }
   // Its mission is a place alone.
@@ -101,6 +103,11 @@ struct World {
   VehicleOptions vehicle;  // of every robot
   SensorOptions sensor;
   bool operator==(const World&) const = default;
+
+  // Flights in it end when they are ended.
+  bool is_endless() const {
+    return std::ranges::any_of(robots, [](const WorldRobot& robot) { return robot.is_told; });
+  }
 };
 
 inline const MotionLimits& limits_of(const World& world, const WorldRobot& robot) {

@@ -75,8 +75,11 @@ WorldRobot read_robot(const JsonValue& value) {
     if (items.empty() || items.size() > kMaxWaypoints) goals->fail("an array of 1 to 1000 goals");
     robot.mission.clear();
     for (const JsonValue& item : items) robot.mission.push_back(read_waypoint(item));
+  } else if (const auto goal = value.find("goal")) {
+    robot.mission[0].position = goal->numbers(3, -kFar_m, kFar_m);
   } else {
-    robot.mission[0].position = value.at("goal").numbers(3, -kFar_m, kFar_m);
+    robot.is_told = true;
+    robot.mission[0].position = robot.start;
   }
   robot.radius_m = value.at("radius").number(0.0, 10.0, kPositive);
   if (const auto limits = value.find("limits")) robot.limits = read_limits(*limits);
@@ -247,7 +250,9 @@ ordered_json to_json(const Waypoint& waypoint) {
 
 ordered_json to_json(const WorldRobot& robot) {
   ordered_json json{{"id", robot.id}, {"start", array(robot.start)}};
-  if (robot.has_one_goal()) {
+  if (robot.is_told) {
+    // No goal of its own.
+  } else if (robot.has_one_goal()) {
     json["goal"] = array(robot.goal());
   } else {
     for (const Waypoint& waypoint : robot.mission) json["goals"].push_back(to_json(waypoint));

@@ -182,6 +182,31 @@ TEST_F(Processes, FlyOverABadRadioThroughCrashes) {
   EXPECT_EQ(finished.exit_code, 0) << finished.out << finished.err;
 }
 
+// Robots without goals of their own are told where to go, until somebody ends the flight.
+TEST_F(Processes, AnEndlessFlightIsToldWhereToGoAndEndsWhenItIsEnded) {
+  const std::string text = R"({"name": "endless", "space": {"min": [-4,-4,0], "max": [4,4,3]},
+    "limits": {"speed": 2, "acceleration": 6}, "obstacles": [],
+    "robots": [{"id": 0, "start": [-2,0,1], "radius": 0.2}, {"id": 1, "start": [2,0,1], "radius": 0.2}]})";
+  write_text(directory_ / "world.json", text);
+  std::vector<std::string> words = command("run");
+  words.insert(words.end(), {"--time-limit", "3600"});
+  Program program(words);
+  wait_until_it_flies(program);
+  const std::string onboard = local_url(base_port() + 33);
+  const std::string patience = std::to_string(10 * kPatience);
+  const Finished there = run_program(
+      {"swarm_goal", "--onboard-url", onboard, "--patience", patience, "--arrive", "true", "0", "1", "1", "1"}, 120.0);
+  EXPECT_EQ(there.exit_code, 0) << there.out << there.err;
+  program.signal(SIGTERM);
+  EXPECT_EQ(program.wait(5.0 * kPatience), 0) << program.err();
+  EXPECT_TRUE(no_daemon_within(0.0));
+  const auto report = nlohmann::json::parse(read_text(directory_ / "run/report.json"));
+  EXPECT_EQ(report["outcome"], "success");
+  EXPECT_TRUE(report["robots"][0]["flight_time"].is_null());
+  EXPECT_GT(report["robots"][0]["path_length"], 3.0);
+  EXPECT_LT(report["robots"][1]["path_length"], 0.5);
+}
+
 TEST_F(Processes, InterruptEndsAllAndLeavesNoResult) {
   Program program(command("run"));
   wait_until_it_flies(program);

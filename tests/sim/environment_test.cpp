@@ -58,6 +58,18 @@ TEST(Environment, SensorsSpeakAtTheirRatesAndOutOfPhase) {
   }
 }
 
+TEST(Environment, NoGoalForRobotsThatOthersTell) {
+  World world = two_robots();
+  world.robots[1].is_told = true;
+  for (std::size_t i = 0; i < 2; ++i) {
+    Simulation simulation(world, nullptr, {}, kStart, nullptr);
+    simulation.start(kStart + 20ms);
+    Bench<EnvironmentNode> bench(simulation, i);
+    bench.run_for(2.1);
+    EXPECT_EQ(bench.out.all<sogm_swarm::goal_t>(channel::kGoal).empty(), i == 1);
+  }
+}
+
 TEST(Environment, ObstaclesInReachAreSeenAndStandBeforeTheStart) {
   World world = two_robots();
   world.sensor.rate_hz = 100.0;

@@ -309,6 +309,25 @@ Outcome outcome_at_limit(double rest_from_s, double speed_before, bool arrived_o
   return judge.outcome();
 }
 
+TEST(Judge, WhoIsToldWhereToGoNeverArrivesAndTheFlightGoesOn) {
+  World world = one_robot();
+  world.robots.push_back({6, {0, 3, 0}, {{{0, 3, 0}}}, 0.2});
+  world.robots[1].is_told = true;
+  Judge judge(world, nullptr, 30.0);
+  for (int i = 0; i <= 2900; ++i) {
+    const double x = std::min(4.0, i * kStep_s);
+    const MotionState states[] = {at({x, 0, 0}, {x < 4.0 ? 1.0 : 0.0, 0, 0}), at({0, 3, 0})};
+    judge.update(i * kStep_s, states);
+    ASSERT_FALSE(judge.finished());
+    ASSERT_EQ(judge.outcome() == Outcome::kSuccess, x == 4.0) << i;
+  }
+  EXPECT_TRUE(judge.robots()[0].flight_time_s);
+  EXPECT_FALSE(judge.robots()[1].flight_time_s);
+  const MotionState last[] = {at({4, 0, 0}), at({0, 3, 0})};
+  judge.update(30.0, last);
+  EXPECT_TRUE(judge.finished());
+}
+
 TEST(Judge, RestBeforeTheLimitIsDeadlockAndMotionIsTimeout) {
   EXPECT_EQ(outcome_at_limit(6.9, 1.0, false), Outcome::kDeadlock);
   EXPECT_EQ(outcome_at_limit(7.1, 1.0, false), Outcome::kTimeout);

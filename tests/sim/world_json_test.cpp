@@ -44,6 +44,26 @@ std::string error_of(const std::string& text) {
   return "no error";
 }
 
+// Without a goal of its own a robot is told where to go by others, and the flight has no end.
+TEST(WorldJson, RobotsWithoutAGoalAreToldWhereToGo) {
+  const World world =
+      parse_world(replaced(R"("start": [8,1,1], "goal": [-8,1,1.0])", R"("start": [8,1,1])"), "w.json", "");
+  EXPECT_FALSE(world.robots[0].is_told);
+  EXPECT_TRUE(world.robots[1].is_told);
+  EXPECT_EQ(world.robots[1].goal(), world.robots[1].start);
+  EXPECT_TRUE(world.is_endless());
+  EXPECT_FALSE(parse_world(kGood, "w.json", "").is_endless());
+  const std::string text = to_json_text(world, "");
+  EXPECT_NE(text.find(R"({"id":1,"start":[8.0,1.0,1.0],"radius":0.2})"), std::string::npos) << text;
+  EXPECT_EQ(parse_world(text, "w.json", ""), world);
+  // Its start may be another's goal.
+  EXPECT_EQ(parse_world(replaced(R"("goal": [8,0,1])", R"("goal": [8,1,1])")
+                            .replace(std::string(kGood).find(R"(, "goal": [-8,1,1.0])"), 20, ""),
+                        "w.json", "")
+                .robots.size(),
+            2u);
+}
+
 TEST(WorldJson, AWorldMayBringOptionsOfItsFlight) {
   const std::string text =
       replaced(R"("limits")", R"("options": {"vehicle": "quadrotor", "wind-mps": 3, "sense-dropout": 0.1}, "limits")");

@@ -58,7 +58,9 @@ std::size_t PoseTrack::before(double t_s) const {
 TimedPose PoseTrack::at(double t_s) const {
   const TimedPose &a = poses_[before(t_s)], &b = poses_[before(t_s) + 1];
   const double share = std::clamp((t_s - a.t_s) / (b.t_s - a.t_s), 0.0, 1.0);
-  return {t_s, a.position + share * (b.position - a.position), a.orientation.slerp(share, b.orientation)};
+  const double sign = a.orientation.dot(b.orientation) < 0.0 ? -1.0 : 1.0;
+  const Eigen::Vector4d turned = (1.0 - share) * a.orientation.coeffs() + sign * share * b.orientation.coeffs();
+  return {t_s, a.position + share * (b.position - a.position), Eigen::Quaterniond(turned.normalized())};
 }
 
 Eigen::Vector3d PoseTrack::velocity_at(double t_s) const {

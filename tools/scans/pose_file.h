@@ -21,7 +21,8 @@ class PoseTrack {
 
   double begin_s() const { return poses_.front().t_s; }
   double end_s() const { return poses_.back().t_s; }
-  // Between the poses before and after it, at constant velocity and rate; the first or the last one beyond them.
+  // Between the poses before and after it, at constant velocity and nearly constant rate, by arithmetic that is the
+  // same everywhere; the first or the last one beyond them.
   TimedPose at(double t_s) const;
   // W [m/s].
   Eigen::Vector3d velocity_at(double t_s) const;
