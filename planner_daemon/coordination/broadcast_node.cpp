@@ -239,8 +239,7 @@ Refusal BroadcastNode::on_peer(Utime now, std::span<const std::uint8_t> bytes) {
   const Refusal refusal = receive(bytes, from_peer, lately, in_order, &message);
   if (refusal == Refusal::kRobot && message.header.robot_id == config_.robot_id)  // multicast returns our own
     return identity_.is_of_twin(now, message.header) ? Refusal::kRobot : Refusal::kNone;
-  if (refusal == Refusal::kTime && to_utime(message.header.utime) > now)
-    doubt_clock_of(message.header.robot_id, now, to_utime(message.header.utime) - now);
+  if (refusal == Refusal::kTime) on_other_time(now, bytes, &message);
   if (refusal != Refusal::kNone) return refusal;
   const int id = message.header.robot_id;
   Link& link = links_.at(id);
@@ -257,7 +256,22 @@ Refusal BroadcastNode::on_peer(Utime now, std::span<const std::uint8_t> bytes) {
   link.seq = message.header.seq;
   link.newest = std::move(message);
   link.bytes.assign(bytes.begin(), bytes.end());
+  link.is_of_other_time = false;
   return Refusal::kNone;
+}
+
+void BroadcastNode::on_other_time(Utime now, std::span<const std::uint8_t> bytes, announcement_t* message) {
+  const int id = message->header.robot_id;
+  const Duration age = now - to_utime(message->header.utime);
+  if (age < 0us) doubt_clock_of(id, now, -age);
+  // What is old may have been held up by the network, but not longer than motions last, nor when our clock was set.
+  const bool is_by_other_clock = age < 0us || age > kMaxMotion || now < clock_set_until_;
+  Link& link = links_.at(id);
+  if (!is_by_other_clock || link.other_time.pass(message->header) != Refusal::kNone) return;
+  shift(age, message);
+  link.newest = std::move(*message);
+  link.bytes.assign(bytes.begin(), bytes.end());
+  link.is_of_other_time = true;
 }
 
 Utime BroadcastNode::judge_due(Utime now, Link& link) const {
@@ -273,14 +287,15 @@ void BroadcastNode::judge_peers(Utime now, Outbox& outbox) {
     auto& [id, link] = *waits_longest;
     if (judge_due(now, link) > now) return;
     link.may_be_judged = std::clamp(link.may_be_judged, now - gap_ / 2, now) + gap_ / 2;
-    protocol_.receive(now, link.newest);
-    if (offered_step_ == 0us) {
+    if (!link.is_of_other_time) protocol_.receive(now, link.newest);
+    if (offered_step_ == 0us && !link.is_of_other_time) {
       outbox.publish_bytes(BusId::kOnboard, channel::kPeerTrajectory, link.bytes);
     } else {
       shift(offered_step_, &link.newest);
       outbox.publish(BusId::kOnboard, channel::kPeerTrajectory, link.newest);
     }
     link.bytes.clear();
+    if (link.is_of_other_time) continue;
     if (identity_.outdo(now, protocol_.peers().at(id).our_boot, protocol_.commits() > 0)) {
       set_boot(identity_.boot());
       if (motion()) keep(now, protocol_.state());
@@ -331,6 +346,7 @@ bool BroadcastNode::on_clock_step(Utime now, Duration step) {
   }
   // As long as it takes to measure the clocks anew, and as peers may fly on by theirs.
   clock_doubt_until_ = then + (links_.empty() ? kClockDoubt : kMaxMotion);
+  clock_set_until_ = then + kMaxMotion;
   doubt_ = {};
   in_vain_ = {};
   protocol_.set_clock(then, step);
@@ -341,6 +357,7 @@ bool BroadcastNode::on_clock_step(Utime now, Duration step) {
 void BroadcastNode::advance(Utime now) {
   // No doubt lasts longer; but it would, were the clock set back.
   clock_doubt_until_ = std::min(clock_doubt_until_, now + kMaxMotion);
+  clock_set_until_ = std::min(clock_set_until_, now + kMaxMotion);
   identity_.advance(now);
   protocol_.doubt_clocks(!clocks_agree(now));
   protocol_.set_error_bound(tracking_.bound_m(now));

@@ -77,6 +77,9 @@ class BroadcastNode : public Node {
     sogm_swarm::announcement_t newest;  // waits to be judged, with its bytes, if any do
     std::vector<std::uint8_t> bytes;
     Utime may_be_judged{};  // no earlier
+
+    bool is_of_other_time = false;  // what waits: where the peer is, with times set to ours, is for the planner alone
+    SequenceGate other_time;
   };
 
   Refusal on_state(Utime now, std::span<const std::uint8_t> bytes);
@@ -84,6 +87,9 @@ class BroadcastNode : public Node {
   void track(Utime now, const sogm_swarm::robot_state_t& state);
   Refusal on_candidate(Utime now, std::span<const std::uint8_t> bytes);
   Refusal on_peer(Utime now, std::span<const std::uint8_t> bytes);
+  // What a peer says by a clock that is wrong, or was heard since ours was set: nothing that was promised is known by
+  // it, but where the peer is.
+  void on_other_time(Utime now, std::span<const std::uint8_t> bytes, sogm_swarm::announcement_t* message);
   // Has what waits from peers judged and relayed: of each peer the newest, twice as often as it may speak at most, and
   // of few peers at once. The rest waits until after the setpoint.
   void judge_peers(Utime now, Outbox& outbox);
@@ -129,6 +135,7 @@ class BroadcastNode : public Node {
   Duration gap_{};             // between announcements on average, at least: two may go at once
   Utime news_may_go_{};        // no earlier
   Utime clock_doubt_until_{};  // a peer's message came from the future, or its clock was found wrong
+  Utime clock_set_until_{};    // our clock was set lately
   Duration offered_step_{};    // of the wall clock, which is followed when the robot rests; 0: it was not set
   bool has_news_ = false;
   Recurring news_, announcement_, setpoint_, status_;

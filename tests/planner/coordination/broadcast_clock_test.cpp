@@ -337,6 +337,60 @@ TEST(BroadcastNode, CommitsNothingWhileAPeersClockIsWrong) {
   }
 }
 
+// Nothing that a peer promised is known by a clock that is wrong. But where it is, is: the planner is told in our time.
+TEST(BroadcastNode, PlannersHearWherePeersAreWhoseClocksAreWrong) {
+  for (const Duration ahead : {Duration(3600s), Duration(50ms), Duration(-3600s), Duration(-3s)}) {
+    SCOPED_TRACE(to_ms(ahead));
+    Robot robot(0);
+    robot.run_for(0.1);
+    Peer& peer = robot.peers.at(1);
+    const int relayed = robot.out.count(channel::kPeerTrajectory);
+    const Motion known = robot.node.protocol().peers().at(1).motion;
+    const Trajectory moves = quintic_to(known.at(robot.now), robot.now, {21, 0, 1}, 2.0);
+    peer.committed = moves;
+    peer.committed.shift(ahead);
+    const announcement_t message = peer.message(robot.now + ahead, 0);
+    robot.send(channel::kTrajectory, message, BusId::kSwarm);
+    robot.run_for(0.01);
+    EXPECT_EQ(robot.node.refused()[Refusal::kTime], 1);
+    EXPECT_TRUE(same(robot.node.protocol().peers().at(1).motion.committed.to_wire(), known.committed.to_wire()));
+    if (ahead == -3s) {  // that may be the network
+      EXPECT_EQ(robot.out.count(channel::kPeerTrajectory), relayed);
+      continue;
+    }
+    ASSERT_EQ(robot.out.count(channel::kPeerTrajectory), relayed + 1);
+    const auto told = robot.out.newest<announcement_t>(channel::kPeerTrajectory);
+    EXPECT_TRUE(same(told.committed, moves.to_wire()));
+    EXPECT_EQ(to_utime(told.header.utime), robot.now - 10ms);
+    EXPECT_EQ(std::pair(told.header.boot, told.header.seq), std::pair(message.header.boot, message.header.seq));
+    robot.send(channel::kTrajectory, message, BusId::kSwarm);  // again
+    robot.run_for(0.01);
+    EXPECT_EQ(robot.out.count(channel::kPeerTrajectory), relayed + 1);
+  }
+}
+
+// Whose own clock was set hears all others elsewhen.
+TEST(BroadcastNode, PlannersHearWherePeersAreAfterTheirClockWasSet) {
+  Robot robot(0);
+  robot.run_for(0.1);
+  robot.wall_ahead = 3s;
+  for (int i = 0; robot.wall_ahead != 0us; ++i) {
+    ASSERT_LT(i, 100);
+    robot.now = robot.wake;
+    robot.step();
+  }
+  const auto hear_late = [&] {
+    robot.run_for(0.1);
+    robot.send(channel::kTrajectory, robot.peers.at(1).message(robot.now - 3s, 0), BusId::kSwarm);
+    robot.run_for(0.01);
+    return robot.out.count(channel::kPeerTrajectory);
+  };
+  const int relayed = robot.out.count(channel::kPeerTrajectory);
+  EXPECT_EQ(hear_late(), relayed + 1);
+  robot.run_for(10.0);
+  EXPECT_EQ(hear_late(), relayed + 1);
+}
+
 // What was announced before a clock was found wrong is not committed after it.
 TEST(BroadcastNode, WhatWaitsIsNotCommittedWhileClocksDisagree) {
   for (const bool disagree : {false, true}) {
