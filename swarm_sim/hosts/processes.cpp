@@ -292,7 +292,8 @@ RunReport run_processes(const World& world, const OccupiedCubes* static_map, con
   Overseer overseer(host, children, simulation, watches, std::move(crashing));
   host.run();
   if (overseer.failure()) throw std::runtime_error(*overseer.failure());
-  if (!simulation.judge().finished() && !world.is_endless()) throw Interrupted();
+  const bool has_flown = simulation.started() && simulation.t_s(simulation.now()) > 0.0;
+  if (!simulation.judge().finished() && !(world.is_endless() && has_flown)) throw Interrupted();
 
   const std::chrono::duration<double> wall = stopwatch() - began;
   RunReport report = report_of(simulation, watches, wall.count());
