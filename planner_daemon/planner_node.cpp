@@ -13,6 +13,7 @@ namespace swarm {
 namespace {
 
 using sogm_swarm::announcement_t;
+using sogm_swarm::flight_status_t;
 using sogm_swarm::planner_status_t;
 
 constexpr Duration kMaxAge = 1s;
@@ -100,11 +101,9 @@ PlannerNode::PlannerNode(const PlannerNodeConfig& config, std::int32_t boot, Sto
 }
 
 std::vector<Subscription> PlannerNode::subscriptions() const {
-  return {{BusId::kOnboard, channel::kSogm},
-          {BusId::kOnboard, channel::kOwnTrajectory},
-          {BusId::kOnboard, channel::kPeerTrajectory},
-          {BusId::kOnboard, channel::kGoal},
-          {BusId::kOnboard, channel::kSeenSpace}};
+  return {{BusId::kOnboard, channel::kSogm},           {BusId::kOnboard, channel::kOwnTrajectory},
+          {BusId::kOnboard, channel::kPeerTrajectory}, {BusId::kOnboard, channel::kGoal},
+          {BusId::kOnboard, channel::kFlightStatus},   {BusId::kOnboard, channel::kSeenSpace}};
 }
 
 void PlannerNode::on_message(Utime now, BusId, std::string_view channel, std::span<const std::uint8_t> bytes, Outbox&) {
@@ -119,6 +118,8 @@ void PlannerNode::on_message(Utime now, BusId, std::string_view channel, std::sp
     refusal = on_seen_space(now, bytes);
   } else if (channel == channel::kGoal) {
     refusal = on_goal(bytes);
+  } else if (channel == channel::kFlightStatus) {
+    refusal = on_flight_status(now, bytes);
   }
   if (refusal != Refusal::kNone) refused_.count(refusal);
 }
@@ -208,6 +209,24 @@ Refusal PlannerNode::on_goal(std::span<const std::uint8_t> bytes) {
   return Refusal::kNone;
 }
 
+// A robot that landed has arrived: it does not fly on to its goal when it takes off again.
+Refusal PlannerNode::on_flight_status(Utime now, std::span<const std::uint8_t> bytes) {
+  flight_status_t message;
+  const Refusal refusal = receive(bytes, FromRobot{config_.robot_id}, window(now), flight_gate_, &message);
+  if (refusal != Refusal::kNone) return refusal;
+  if (message.state == flight_status_t::kOnGround && flight_.state != flight_status_t::kOnGround)
+    mission_ = MissionProgress();
+  if (message.led_to != flight_.led_to) hold_.reset();
+  flight_ = message;
+  return Refusal::kNone;
+}
+
+std::optional<Eigen::Vector3d> PlannerNode::destination() const {
+  if (flight_.led_to == flight_status_t::kDestination) return Eigen::Vector3d(flight_.destination);
+  if (mission_.empty()) return std::nullopt;
+  return mission_.waypoint().position;
+}
+
 // All moves when it did; by which clock that is told anew.
 bool PlannerNode::on_clock_step(Utime, Duration step) {
   const auto shift = [step](Motion& motion, Trajectory& pending) {
@@ -234,7 +253,7 @@ Utime PlannerNode::step(Utime now, Outbox& outbox) {
     return now + 1us;
   }
   Utime wake = std::max(status_.due(now, kStatusPeriod), now + 1us);
-  if (map_is_new_ && own_ && !is_stale(now)) {
+  if (map_is_new_ && own_ && !is_stale(now) && is_led()) {
     // One plan at a time: one that has not begun yet is waited for, whether it is committed or pending.
     const Utime period_due = plan_.due(now, to_duration(config_.period_s));
     Utime due = period_due;
@@ -290,9 +309,10 @@ void PlannerNode::plan(Utime now, Outbox& outbox) {
   request_.margin_m = margin_m_;
   // Without a goal the robot holds its place, but steps aside like any other.
   if (!hold_) hold_ = own_->at(own_->end_utime()).position;
-  mission_.pass(now, own_->at(now));
-  request_.goal = mission_.empty() ? *hold_ : mission_.waypoint().position;
-  request_.v_max_mps = mission_.empty() ? config_.planner.limits.v_max_mps : mission_.waypoint().speed_mps;
+  const bool is_on_mission = flight_.led_to == flight_status_t::kGoal && !mission_.empty();
+  if (is_on_mission) mission_.pass(now, own_->at(now));
+  request_.goal = destination().value_or(*hold_);
+  request_.v_max_mps = is_on_mission ? mission_.waypoint().speed_mps : config_.planner.limits.v_max_mps;
   const bool is_slow = planner_.is_slow(request_);
   request_.start_utime = start_utime(now, is_slow);
   const bool is_urgent = urgent_start_.has_value();
@@ -341,7 +361,8 @@ std::int16_t PlannerNode::state(Utime now) const {
   if (map_.num_frames == 0) return planner_status_t::kNoMap;
   if (is_stale(now)) return planner_status_t::kStaleMap;
   if (!own_) return planner_status_t::kNoCommitted;
-  return mission_.empty() ? planner_status_t::kNoGoal : planning_state();
+  if (!is_led()) return planner_status_t::kNotLed;
+  return destination() ? planning_state() : planner_status_t::kNoGoal;
 }
 
 Activity PlannerNode::activity(Utime now) const {
@@ -354,11 +375,13 @@ Activity PlannerNode::activity(Utime now) const {
       return waits_for(channel::kOwnTrajectory);
     case planner_status_t::kNoGoal:
       return waits_for(channel::kGoal);
+    case planner_status_t::kNotLed:
+      return {.text = "plans nothing: the robot stands, or goes straight up or down"};
     default:
       break;
   }
-  const std::string goal = text_of(mission_.waypoint().position);
-  const bool is_of_this_goal = request_.goal == mission_.waypoint().position;
+  const std::string goal = text_of(*destination());
+  const bool is_of_this_goal = request_.goal == *destination();
   if (planning_state() == planner_status_t::kPlanning || !is_of_this_goal) return {.text = "plans to " + goal};
   return {true, "plans, but no way leads to " + goal, "by all that is known to stand still"};
 }
@@ -396,6 +419,8 @@ void PlannerNode::publish_status(Utime now, std::int16_t state, Outbox& outbox) 
   status.rate_hz = static_cast<float>(plan_times_.size());
   status.margin = static_cast<float>(margin_m_);
   status.waypoint = mission_.index();
+  status.num_waypoints = mission_.size();
+  if (const auto to = destination()) Eigen::Map<Eigen::Vector3d>(status.destination) = *to;
   if (newest_ != nullptr) {
     status.outcome = static_cast<std::int16_t>(newest_->outcome);
     status.expansions = newest_->expansions;

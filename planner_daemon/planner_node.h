@@ -60,6 +60,7 @@ class PlannerNode : public Node {
   Refusal on_own(std::span<const std::uint8_t> bytes);
   Refusal on_peer(Utime now, std::span<const std::uint8_t> bytes);
   Refusal on_goal(std::span<const std::uint8_t> bytes);
+  Refusal on_flight_status(Utime now, std::span<const std::uint8_t> bytes);
   TimeWindow window(Utime now) const;  // how old maps and announcements may be, and how far ahead
   // When an obstacle comes within the clearance of what the robot is bound to; kNever: not until then.
   Utime touch_utime(Utime now, Utime until) const;
@@ -67,8 +68,10 @@ class PlannerNode : public Node {
   PlanDelay& delay_of(bool is_slow) { return plan_delays_[is_slow ? 1 : 0]; }
   void plan(Utime now, Outbox& outbox);
   void publish_corridors(Utime now, Outbox& outbox);
-  bool is_stale(Utime now) const;       // the map
-  std::int16_t state(Utime now) const;  // one of planner_status_t's
+  bool is_stale(Utime now) const;                                                          // the map
+  bool is_led() const { return flight_.led_to != sogm_swarm::flight_status_t::kNowhere; }  // by this planner
+  std::optional<Eigen::Vector3d> destination() const;                                      // none: it keeps its place
+  std::int16_t state(Utime now) const;                                                     // one of planner_status_t's
   std::int16_t planning_state() const;
   void publish_status(Utime now, std::int16_t state, Outbox& outbox);
 
@@ -99,9 +102,15 @@ class PlannerNode : public Node {
   std::array<PlanDelay, 2> plan_delays_;  // of plans that are not slow, and of slow ones
   CommitDelay commit_delay_;
   MissionProgress mission_;
+  sogm_swarm::flight_status_t flight_ = [] {  // the newest; it flies to its goal until there is one
+    sogm_swarm::flight_status_t status{};
+    status.state = sogm_swarm::flight_status_t::kFlying;
+    status.led_to = sogm_swarm::flight_status_t::kGoal;
+    return status;
+  }();
   GiveWay give_way_;
   std::optional<Eigen::Vector3d> hold_;  // where it rested when planning began: the goal until there is one
-  SequenceGate own_gate_, goal_gate_;
+  SequenceGate own_gate_, goal_gate_, flight_gate_;
   struct PeerEntry {
     SequenceGate gate;
     std::size_t place;  // in peer_list_

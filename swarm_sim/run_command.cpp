@@ -23,6 +23,7 @@ namespace {
 
 struct RunOptions {
   std::string world, mode = "lockstep", out, keep_maps;
+  bool log_buses = true;
   FlightArguments flight;
   ProcessOptions processes;
 };
@@ -38,6 +39,7 @@ void declare(OptionSet& options, RunOptions& run) {
       });
   options.add("out", &run.out,
               "directory for world.json, trace.csv, report.json and the LCM logs; none: only the table is printed");
+  options.add("log-buses", &run.log_buses, "with --out: also the LCM logs, half a megabyte a second for each robot");
   options.add("keep-maps", &run.keep_maps,
               "directory in which robots with range sensors keep what they have seen to stand, from flight to flight: "
               "robotK.bt (OctoMap); none: only while they fly");
@@ -55,6 +57,10 @@ void declare(OptionSet& options, RunOptions& run) {
                 if (!targets.empty() && targets != "position" && targets != "attitude")
                   throw OptionError("must be position or attitude");
               });
+  options.add("on-ground", &run.processes.autopilot.on_ground,
+              "mavlink: robots stand at their starts, disarmed, and take off when they are ordered to (swarm_goal)");
+  options.add("battery-s", &run.processes.autopilot.battery_s, 0, 1e6, "s",
+              "mavlink: so long a battery lasts while its robot is armed; 0: nothing is told of it");
   options.add(
       "netns", &run.processes.netns,
       "processes: robot k's daemons and buses are in the network namespace of this name and k (needs root); none: "
@@ -96,6 +102,8 @@ RunReport fly(const RunOptions& run, const FlightOptions& flight, const World& w
   RunReport report;
   if (!run.processes.mavlink.empty() && run.mode != "processes")
     throw OptionError("mavlink: in lock-step there is no mavlink_bridge; --mode processes");
+  if (run.processes.mavlink.empty() && (run.processes.autopilot.on_ground || run.processes.autopilot.battery_s > 0.0))
+    throw OptionError("on-ground, battery-s: of a flight controller; --mavlink position or attitude");
   if (run.mode == "processes") {
     report = run_processes(world, static_map, flight, run.processes, logs, trace, progress);
   } else {
@@ -135,7 +143,7 @@ int run_command(int argc, const char* const* argv) try {
     std::filesystem::create_directories(out);
     std::vector<int> ids;
     for (const WorldRobot& robot : world.robots) ids.push_back(robot.id);
-    logs.emplace(out, ids);
+    if (run.log_buses) logs.emplace(out, ids);
     trace.emplace(out, world.vehicle.kind == "perfect");
     run.processes.out = out;
   }
@@ -143,7 +151,7 @@ int run_command(int argc, const char* const* argv) try {
       fly(run, flight, world, static_map ? &*static_map : nullptr, logs ? &*logs : nullptr, trace ? &*trace : nullptr);
   if (!run.out.empty()) {
     trace->close();
-    logs->close();
+    if (logs) logs->close();
     write_file(out / "world.json", to_json_text(read, std::filesystem::absolute(out)));
     write_report(report, out / "report.json");
   }

@@ -33,6 +33,9 @@ inline constexpr int kMaxScanParts = sogm_swarm::lidar_scan_t::kMaxParts;
 inline constexpr int kMaxWaypoints = sogm_swarm::goal_t::kMaxWaypoints;
 inline constexpr double kMaxTolerance_m = 1000.0, kLeastSpeed_mps = 0.05, kMaxWait_s = 86400.0;
 
+// Of a take-off.
+inline constexpr double kLeastClimb_m = 0.1, kMaxClimb_m = 100.0;
+
 // Of a map.
 inline constexpr int kMaxMapFrames = sogm_swarm::sogm_t::kMaxFrames;
 inline constexpr int kMaxVoxelsPerAxis = sogm_swarm::sogm_t::kMaxVoxelsPerAxis;

@@ -16,6 +16,9 @@
   MESSAGE(lidar_scan_t, SWARM_ON(kLidarScan, "LIDAR_SCAN", kOnboard),                                                 \
           SWARM_ARRAY(num_coordinates, coordinates, 2, kMaxScanCoordinates))                                          \
   MESSAGE(goal_t, SWARM_ON(kGoal, "GOAL", kOnboard), SWARM_ARRAY(num_waypoints, waypoints, 48, kMaxWaypoints))        \
+  MESSAGE(order_t, SWARM_ON(kFlightOrder, "FLIGHT_ORDER", kOnboard))                                                  \
+  MESSAGE(vehicle_status_t, SWARM_ON(kVehicleStatus, "VEHICLE_STATUS", kOnboard))                                     \
+  MESSAGE(flight_status_t, SWARM_ON(kFlightStatus, "FLIGHT_STATUS", kOnboard))                                        \
   MESSAGE(sogm_t,                                                                                                     \
           SWARM_ON(kSogm, "SOGM", kOnboard)                                                                           \
               SWARM_ON(kSeenSpace, "SEEN_SPACE", kOnboard), /* one frame: what stands; a second: what was not seen */ \

@@ -133,6 +133,28 @@ Refusal validate(const goal_t& m) {
   return verdict(m.num_waypoints >= 1 && std::all_of(m.waypoints.begin(), m.waypoints.end(), waypoint_ok));
 }
 
+Refusal validate(const order_t& m) {
+  const bool climbs = m.order == order_t::kTakeOff;
+  return verdict(within(m.order, order_t::kFly, order_t::kEmergency) && within(m.height, 0.0, kMaxClimb_m),
+                 climbs ? m.height >= kLeastClimb_m : m.height == 0.0);
+}
+
+Refusal validate(const vehicle_status_t& m) {
+  return verdict(within(m.armed, 0, 1) && within(m.obeys, 0, 1) &&
+                     within(m.place, vehicle_status_t::kUnknown, vehicle_status_t::kInAir) &&
+                     (m.battery == -1.0f || within(m.battery, 0.0, 1.0)),
+                 m.obeys <= m.armed);
+}
+
+Refusal validate(const flight_status_t& m) {
+  return verdict(within(m.state, flight_status_t::kOnGround, flight_status_t::kEmergency) &&
+                 within(m.cause, flight_status_t::kVehicle, flight_status_t::kGaveUp) &&
+                 within(m.led_to, flight_status_t::kNowhere, flight_status_t::kDestination) &&
+                 all_within(m.destination, kMaxPosition_m) && all_within(m.home, kMaxPosition_m) &&
+                 within(m.climb, 0.0, kMaxPosition_m) && m.order_boot >= -1 && m.order_seq >= 0 &&
+                 within(m.verdict, flight_status_t::kAccepted, flight_status_t::kNoVehicle));
+}
+
 Refusal validate(const robot_state_t& m) {
   return verdict(all_within(m.position, kMaxPosition_m) && all_within(m.velocity, kMaxVelocity_mps) && yaw_ok(m.yaw));
 }
@@ -202,9 +224,10 @@ Refusal validate(const map_request_t&) {
 }
 
 Refusal validate(const planner_status_t& m) {
-  return verdict(within(m.state, planner_status_t::kPlanning, planner_status_t::kUnreachable) &&
+  return verdict(within(m.state, planner_status_t::kPlanning, planner_status_t::kNotLed) &&
                  within(m.outcome, planner_status_t::kSmooth, planner_status_t::kUnsafe) &&
-                 amounts_ok(std::array{m.plans, m.missed, m.expansions, m.waypoint}) && amounts_ok(m.refused) &&
+                 amounts_ok(std::array{m.plans, m.missed, m.expansions, m.waypoint, m.num_waypoints}) &&
+                 all_within(m.destination, kMaxPosition_m) && amounts_ok(m.refused) &&
                  amounts_ok(std::array{m.rate_hz, m.compose_ms, m.search_ms, m.corridor_ms, m.optimize_ms, m.check_ms,
                                        m.total_ms, m.prepare_ms, m.margin}));
 }

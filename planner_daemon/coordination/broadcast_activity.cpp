@@ -49,6 +49,8 @@ Activity BroadcastNode::activity(Utime now) const {
 Activity BroadcastNode::flight_activity(Utime now) const {
   const bool is_in_vain =
       in_vain_.count > 0 && now - in_vain_.first >= kInVainFor && now - in_vain_.newest <= kStillAsked;
+  const sogm_swarm::flight_status_t& flight = flight_.status();
+  if (!is_in_vain && flight.state != sogm_swarm::flight_status_t::kFlying) return {.text = text_of_flight(flight)};
   if (!is_in_vain) return {.text = "ready: commits what the planner sends and robots agree to"};
   std::string why = std::to_string(in_vain_.count) + " candidates";
   for (int i = 1; i < kNumRejections; ++i) {

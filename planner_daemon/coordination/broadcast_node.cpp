@@ -1,5 +1,5 @@
 // Long because a daemon's whole reaction to each message, and all that it says, is to be read in one place; what it
-// decides is in commit_protocol.h, identity.h, clock_offset.h and tracking_monitor.h.
+// decides is in commit_protocol.h, flight_state.h, identity.h, clock_offset.h and tracking_monitor.h.
 #include "planner_daemon/coordination/broadcast_node.h"
 
 #include <spdlog/spdlog.h>
@@ -22,6 +22,7 @@ using sogm_swarm::broadcast_status_t;
 
 constexpr Duration kMaxAge = 1s;  // of messages from peers and planner
 constexpr Duration kStatusPeriod = 1s;
+constexpr Duration kLegPeriod = 200ms;  // between proposals of the way up or down
 constexpr Duration kClockDoubt = 1s;
 constexpr Duration kLively = 300ms;            // after news
 constexpr std::int64_t kMostLost = 1'000'000;  // that are counted, of a peer: the sum of all fits its field
@@ -64,6 +65,15 @@ void declare(OptionSet& options, BroadcastConfig& config) {
               "that the robot's radius grows by at most, by how far it lately was from its motion");
   options.add("off-course", &config.off_course_m, 0.05, 100, "m",
               "farther from its motion the robot has lost it: it brakes and goes on from where it is");
+  options.add("space-min", &config.flight.space_min, -1e5, 1e5, "m",
+              "flight space of the robot's centre, lower corner: who leaves it is led home");
+  options.add("space-max", &config.flight.space_max, -1e5, 1e5, "m",
+              "flight space of the robot's centre, upper corner");
+  options.add("fence", &config.flight.fence_m, 0, 100, "m", "so far out of the flight space it is left");
+  options.add("vertical-speed", &config.flight.vertical_mps, 0.1, 5, "m/s",
+              "straight up from the ground and down to it, at most");
+  options.add("battery-home", &config.flight.battery_home, 0, 1, "", "with less of it the robot flies home and lands");
+  options.add("battery-land", &config.flight.battery_land, 0, 1, "", "with less of it the robot lands where it is");
   options.add("clock-error", &config.clock_error_s, 0, 1, "s",
               "clocks of two robots differ by at most this: motions are kept apart for it, and nothing is committed "
               "beyond it");
@@ -76,6 +86,12 @@ void declare(OptionSet& options, BroadcastConfig& config) {
 
 void verify(const BroadcastConfig& config) {
   verify(config.limits);
+  for (int axis = 0; axis < 3; ++axis) {
+    if (config.flight.space_min[axis] >= config.flight.space_max[axis])
+      throw OptionError("--space-min: must be below --space-max on every axis");
+  }
+  if (config.flight.battery_land > config.flight.battery_home)
+    throw OptionError("--battery-land: must be at most --battery-home");
   std::set<int> robots(config.roster.begin(), config.roster.end());
   robots.insert(config.robot_id);
   if (std::ssize(robots) > kMaxRosterRobots) {
@@ -91,11 +107,13 @@ BroadcastNode::BroadcastNode(const BroadcastConfig& config, PromiseStore& store,
       announcement_headers_(config.robot_id, kept_.boot),
       setpoint_headers_(config.robot_id, kept_.boot),
       status_headers_(config.robot_id, kept_.boot),
+      flight_headers_(config.robot_id, kept_.boot),
       promise_headers_(config.robot_id, kept_.boot),
       protocol_(
           {config.robot_id, kept_.boot, config.roster, config.radius_m, config.separation_m, config.clock_error_s}),
       identity_(config.robot_id, kept_.boot, static_cast<int>(protocol_.peers().size())),
-      tracking_(config.error_bound_m, config.off_course_m) {
+      tracking_(config.error_bound_m, config.off_course_m),
+      flight_(config.flight, config.limits, kept_.flight) {
   std::set<int> robots(config.roster.begin(), config.roster.end());
   robots.insert(config.robot_id);
   places_.assign(robots.begin(), robots.end());
@@ -104,10 +122,9 @@ BroadcastNode::BroadcastNode(const BroadcastConfig& config, PromiseStore& store,
 }
 
 std::vector<Subscription> BroadcastNode::subscriptions() const {
-  return {{BusId::kOnboard, channel::kRobotState},
-          {BusId::kOnboard, channel::kCandidate},
-          {BusId::kOnboard, channel::kOwnTrajectory},
-          {BusId::kSwarm, channel::kTrajectory}};
+  return {{BusId::kOnboard, channel::kRobotState},    {BusId::kOnboard, channel::kCandidate},
+          {BusId::kOnboard, channel::kOwnTrajectory}, {BusId::kOnboard, channel::kFlightOrder},
+          {BusId::kOnboard, channel::kVehicleStatus}, {BusId::kSwarm, channel::kTrajectory}};
 }
 
 void BroadcastNode::on_message(Utime now, BusId bus, std::string_view channel, std::span<const std::uint8_t> bytes,
@@ -121,6 +138,10 @@ void BroadcastNode::on_message(Utime now, BusId bus, std::string_view channel, s
     refusal = on_candidate(now, bytes);
   } else if (channel == channel::kOwnTrajectory) {
     refusal = on_own(now, bytes);
+  } else if (channel == channel::kFlightOrder) {
+    refusal = on_order(now, bytes);
+  } else if (channel == channel::kVehicleStatus) {
+    refusal = on_vehicle(now, bytes);
   }
   if (refusal != Refusal::kNone) refused_.count(refusal);
 }
@@ -145,6 +166,8 @@ Refusal BroadcastNode::on_state(Utime now, std::span<const std::uint8_t> bytes) 
   const Refusal refusal = receive_onboard(now, bytes, state_gate_, &state, &ahead);
   if (refusal != Refusal::kNone) return refusal;
   state.header.utime -= ahead.count();
+  measured_.position = Eigen::Vector3d(state.position);
+  measured_.velocity = Eigen::Vector3d(state.velocity);
   if (motion()) return track(now, state), Refusal::kNone;
   const Eigen::Vector3d position(state.position);
   Motion first = kept_.motion.value_or(Motion{Trajectory::hover(1, now, position), {}});
@@ -159,6 +182,45 @@ Refusal BroadcastNode::on_state(Utime now, std::span<const std::uint8_t> bytes) 
   keep(now, protocol_.state());
   yaw_rad_ = state.yaw;
   return Refusal::kNone;
+}
+
+Refusal BroadcastNode::on_order(Utime now, std::span<const std::uint8_t> bytes) {
+  sogm_swarm::order_t order;
+  Duration ahead{};
+  const Refusal refusal = receive_onboard(now, bytes, order_gate_, &order, &ahead);
+  if (refusal != Refusal::kNone || !motion()) return refusal;  // the operator asks again
+  advance(now);
+  const std::int16_t before = flight_.state();
+  flight_.advance(now, robot(now));
+  flight_.on_order(now, order, robot(now));
+  if (flight_.state() != before) spdlog::info("ordered: {}", name_of_flight_state(flight_.state()));
+  return Refusal::kNone;
+}
+
+Refusal BroadcastNode::on_vehicle(Utime now, std::span<const std::uint8_t> bytes) {
+  sogm_swarm::vehicle_status_t vehicle;
+  Duration ahead{};
+  const Refusal refusal = receive_onboard(now, bytes, vehicle_gate_, &vehicle, &ahead);
+  if (refusal == Refusal::kNone) flight_.on_vehicle(now, vehicle);
+  return refusal;
+}
+
+FlightState::Robot BroadcastNode::robot(Utime now) const {
+  return {measured_, *motion(), state(now) == broadcast_status_t::kFlying};
+}
+
+void BroadcastNode::fly(Utime now) {
+  flight_.advance(now, robot(now));
+  if (flight_.take_rests_here()) {
+    protocol_.force(Trajectory::hover(1, now, measured_.position));
+    keep(now, protocol_.state());
+    tracking_.back_on_course();
+  }
+  if (now < leg_.due(now, kLegPeriod) || !protocol_.pending().empty()) return;
+  const std::optional<Trajectory> leg = flight_.next_leg(now, *motion());
+  if (!leg) return;
+  leg_.done(now);
+  if (!identity_.has_twin(now)) (void)protocol_.propose(now, *leg);
 }
 
 void BroadcastNode::track(Utime now, const sogm_swarm::robot_state_t& state) {
@@ -178,9 +240,7 @@ void BroadcastNode::track(Utime now, const sogm_swarm::robot_state_t& state) {
 
 void BroadcastNode::keep(Utime now, announcement_t promise) {
   promise.header = promise_headers_.next(now);
-  std::vector<std::uint8_t> bytes;
-  encode(promise, &bytes);
-  store_fails_ = !store_.save(bytes);
+  store_fails_ = !store_.save(promise_bytes(promise, flight_.status()));
 }
 
 Refusal BroadcastNode::on_candidate(Utime now, std::span<const std::uint8_t> bytes) {
@@ -192,7 +252,9 @@ Refusal BroadcastNode::on_candidate(Utime now, std::span<const std::uint8_t> byt
   advance(now);
   Trajectory candidate = Trajectory::from_wire(message.trajectory);
   candidate.shift(-ahead);
-  Rejection rejection = identity_.has_twin(now) ? Rejection::kTwin : examine(now, candidate);
+  Rejection rejection = !flight_.is_led_by_planner() ? Rejection::kNotLed
+                        : identity_.has_twin(now)    ? Rejection::kTwin
+                                                     : examine(now, candidate);
   if (rejection == Rejection::kNone) rejection = protocol_.propose(now, candidate, message.urgent != 0);
   ++rejected_[static_cast<std::size_t>(rejection)];
   if (in_vain_.count++ == 0) in_vain_.first = now;
@@ -305,7 +367,8 @@ void BroadcastNode::judge_peers(Utime now, Outbox& outbox) {
 
 // From here on messages are of this start.
 void BroadcastNode::set_boot(std::int32_t boot) {
-  for (HeaderSource* headers : {&announcement_headers_, &setpoint_headers_, &status_headers_, &promise_headers_})
+  for (HeaderSource* headers :
+       {&announcement_headers_, &setpoint_headers_, &status_headers_, &flight_headers_, &promise_headers_})
     *headers = HeaderSource(config_.robot_id, boot);
   protocol_.set_boot(boot);
 }
@@ -338,6 +401,7 @@ bool BroadcastNode::on_clock_step(Utime now, Duration step) {
   if (step == 0us || !rests) return rests;
   const Utime then = now + step;
   tracking_.forget();
+  flight_.shift(step);
   identity_.set_clock(then, step);
   for (auto& [id, link] : links_) {  // what they differed by is not what they differ by
     link.clock = ClockOffset();
@@ -374,6 +438,7 @@ Utime BroadcastNode::step(Utime now, Outbox& outbox) {
   advance(now);
   commit(now);
   judge_peers(now, outbox);
+  if (motion()) fly(now);
   advance(now);
   commit(now);
   const Duration setpoint_period = to_duration(1.0 / config_.setpoint_rate_hz);
@@ -400,7 +465,15 @@ Utime BroadcastNode::step(Utime now, Outbox& outbox) {
     publish_status(now, outbox);
     status_.done(now);
   }
-  return std::max(std::min(wake, status_.due(now, kStatusPeriod)), now + 1us);
+  if (flight_.take_news()) {
+    if (motion()) keep(now, protocol_.state());
+    flight_status_ = Recurring();
+  }
+  if (now >= flight_status_.due(now, kStatusPeriod)) {
+    publish_flight_status(now, outbox);
+    flight_status_.done(now);
+  }
+  return std::max(std::min({wake, status_.due(now, kStatusPeriod), flight_status_.due(now, kStatusPeriod)}), now + 1us);
 }
 
 void BroadcastNode::announce(Utime now, Outbox& outbox) {
@@ -476,6 +549,12 @@ void BroadcastNode::publish_status(Utime now, Outbox& outbox) {
   }
   refused_.copy_to(status.refused);
   outbox.publish(BusId::kOnboard, channel::kBroadcastStatus, status);
+}
+
+void BroadcastNode::publish_flight_status(Utime now, Outbox& outbox) {
+  sogm_swarm::flight_status_t status = flight_.status();
+  status.header = flight_headers_.next(now + offered_step_);
+  outbox.publish(BusId::kOnboard, channel::kFlightStatus, status);
 }
 
 }  // namespace swarm

@@ -1,5 +1,5 @@
 // The broadcast daemon's node: owns the committed trajectory, runs the commit protocol with the peers, samples
-// setpoints.
+// setpoints, and knows where the robot is in its flight.
 #pragma once
 
 #include <array>
@@ -16,6 +16,7 @@
 #include "lcmtypes/bus/recurring.h"
 #include "planner_daemon/coordination/clock_offset.h"
 #include "planner_daemon/coordination/commit_protocol.h"
+#include "planner_daemon/coordination/flight_state.h"
 #include "planner_daemon/coordination/identity.h"
 #include "planner_daemon/coordination/promise_store.h"
 #include "planner_daemon/coordination/tracking_monitor.h"
@@ -34,8 +35,9 @@ struct BroadcastConfig {
   double swarm_rate_hz = 1000;  // announcements of all robots together, at most
   double setpoint_rate_hz = 100;
   double yaw_rate_max_radps = 1.5;
-  double error_bound_m = 0.3;   // at most: so far from its motion the robot is expected to be
-  double off_course_m = 0.5;    // farther from its motion it has lost it
+  double error_bound_m = 0.3;  // at most: so far from its motion the robot is expected to be
+  double off_course_m = 0.5;   // farther from its motion it has lost it
+  FlightRules flight;
   double clock_error_s = 0.01;  // clocks of two robots differ by at most this
   double clock_limit_s = 0.1;   // the robot's own messages from further in the future are refused
   std::string state_dir;        // where promises survive a crash; empty: nowhere
@@ -65,6 +67,7 @@ class BroadcastNode : public Node {
   std::int32_t rejected(Rejection reason) const { return rejected_[static_cast<std::size_t>(reason)]; }
   const RefusalCounts& refused() const { return refused_; }
   std::int32_t lost() const;
+  std::int16_t flight_state() const { return flight_.state(); }  // one of flight_status_t's
 
  private:
   struct Link {  // from a peer
@@ -83,6 +86,8 @@ class BroadcastNode : public Node {
   };
 
   Refusal on_state(Utime now, std::span<const std::uint8_t> bytes);
+  Refusal on_order(Utime now, std::span<const std::uint8_t> bytes);
+  Refusal on_vehicle(Utime now, std::span<const std::uint8_t> bytes);
   // How far the robot is from its motion; one that has left it goes on from where it is.
   void track(Utime now, const sogm_swarm::robot_state_t& state);
   Refusal on_candidate(Utime now, std::span<const std::uint8_t> bytes);
@@ -105,6 +110,8 @@ class BroadcastNode : public Node {
   Rejection examine(Utime now, const Trajectory& candidate) const;
   void advance(Utime now);
   void commit(Utime now);                                    // what is agreed on
+  void fly(Utime now);                                       // from the ground to the ground: what comes next by itself
+  FlightState::Robot robot(Utime now) const;                 // of flight_; there is a motion
   void keep(Utime now, sogm_swarm::announcement_t promise);  // see store_fails_
   bool clocks_agree(Utime now) const { return offered_step_ == 0us && now > clock_doubt_until_; }
   void doubt_clock_of(int id, Utime now, Duration ahead);  // by so much it is ahead, or more
@@ -116,19 +123,22 @@ class BroadcastNode : public Node {
   void announce(Utime now, Outbox& outbox);
   void publish_setpoint(Utime now, Outbox& outbox);
   void publish_status(Utime now, Outbox& outbox);
+  void publish_flight_status(Utime now, Outbox& outbox);
 
   BroadcastConfig config_;
   PromiseStore& store_;
   KeptPromise kept_;
-  HeaderSource announcement_headers_, setpoint_headers_, status_headers_, promise_headers_;
+  HeaderSource announcement_headers_, setpoint_headers_, status_headers_, flight_headers_, promise_headers_;
   CommitProtocol protocol_;
   Identity identity_;
   TrackingMonitor tracking_;
+  FlightState flight_;
+  MotionState measured_;  // position and velocity of the newest robot state
   RefusalCounts refused_;
   std::array<std::int32_t, kNumRejections> rejected_{};
   std::vector<int> places_;    // ids of all robots that fly, ascending
   std::map<int, Link> links_;  // by roster peer
-  SequenceGate state_gate_, candidate_gate_;
+  SequenceGate state_gate_, candidate_gate_, order_gate_, vehicle_gate_;
   double yaw_rad_ = 0.0;
   bool store_fails_ = false;
 
@@ -138,7 +148,7 @@ class BroadcastNode : public Node {
   Utime clock_set_until_{};    // our clock was set lately
   Duration offered_step_{};    // of the wall clock, which is followed when the robot rests; 0: it was not set
   bool has_news_ = false;
-  Recurring news_, announcement_, setpoint_, status_;
+  Recurring news_, announcement_, setpoint_, status_, flight_status_, leg_;
   std::int32_t candidates_ = 0;
   struct InVain {  // candidates since one was committed, or any could be
     int count = 0;

@@ -19,8 +19,9 @@ constexpr double kRounding_m = 1e-3;  // of positions on the wire and of motions
 }  // namespace
 
 const char* to_string(Rejection rejection) {
-  static constexpr const char* kNames[kNumRejections] = {"none",          "no committed", "waiting",  "busy",  "time",
-                                                         "discontinuous", "limits",       "conflict", "clock", "twin"};
+  static constexpr const char* kNames[kNumRejections] = {"none",  "no committed",  "waiting", "busy",
+                                                         "time",  "discontinuous", "limits",  "conflict",
+                                                         "clock", "twin",          "not led"};
   return kNames[static_cast<int>(rejection)];
 }
 

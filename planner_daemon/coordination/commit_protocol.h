@@ -59,8 +59,9 @@ enum class Rejection : std::uint8_t {
   kConflict,       // comes too close to a peer's motion
   kClock,          // a peer's clock differs too much, or the own one was set
   kTwin,           // another broadcaster speaks under this robot's id
+  kNotLed,         // the robot stands, or goes straight up or down
 };
-inline constexpr int kNumRejections = 10;
+inline constexpr int kNumRejections = 11;
 const char* to_string(Rejection rejection);
 
 class CommitProtocol {

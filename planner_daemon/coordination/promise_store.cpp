@@ -7,6 +7,7 @@
 #include <sys/vfs.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <exception>
@@ -28,6 +29,18 @@ constexpr std::size_t kMaxPromise = 4096;  // bytes; an announcement of the larg
 bool is_in_memory(int file) {
   struct statfs file_system {};
   return ::fstatfs(file, &file_system) == 0 && (file_system.f_type == TMPFS_MAGIC || file_system.f_type == RAMFS_MAGIC);
+}
+
+// Its announcement and its flight status, which is as long as the fixed part of one.
+std::pair<std::span<const std::uint8_t>, std::span<const std::uint8_t>> split_promise(
+    std::span<const std::uint8_t> bytes) {
+  static const std::size_t flight_size = [] {
+    std::vector<std::uint8_t> encoded;
+    encode(sogm_swarm::flight_status_t{}, &encoded);
+    return encoded.size();
+  }();
+  const std::size_t size = std::min(flight_size, bytes.size());
+  return {bytes.first(bytes.size() - size), bytes.last(size)};
 }
 
 }  // namespace
@@ -85,22 +98,39 @@ bool FilePromiseStore::save(std::span<const std::uint8_t> bytes) {
   return is_saved;
 }
 
+std::vector<std::uint8_t> promise_bytes(const sogm_swarm::announcement_t& promise,
+                                        const sogm_swarm::flight_status_t& flight) {
+  std::vector<std::uint8_t> bytes, more;
+  encode(promise, &bytes);
+  sogm_swarm::flight_status_t with_header = flight;
+  with_header.header = promise.header;
+  encode(with_header, &more);
+  bytes.insert(bytes.end(), more.begin(), more.end());
+  return bytes;
+}
+
 KeptPromise load_promise(PromiseStore& store, int robot_id, std::int32_t first_boot) {
   std::optional<sogm_swarm::announcement_t> newest;
+  std::optional<sogm_swarm::flight_status_t> flight;
   for (const std::vector<std::uint8_t>& copy : store.load()) {
+    const auto [promise_part, flight_part] = split_promise(copy);
     sogm_swarm::announcement_t kept;
-    if (const Refusal refusal = decode(copy, &kept); refusal != Refusal::kNone) {
+    sogm_swarm::flight_status_t kept_flight;
+    Refusal refusal = decode(promise_part, &kept);
+    if (refusal == Refusal::kNone) refusal = decode(flight_part, &kept_flight);
+    if (refusal != Refusal::kNone) {
       spdlog::error("a copy of what robot {} promised is damaged ({}) and passed over", robot_id, to_string(refusal));
     } else if (kept.header.robot_id != robot_id) {
       spdlog::error("a copy of what robot {} promised is robot {}'s and passed over", robot_id, kept.header.robot_id);
     } else if (!newest ||
                std::pair(kept.header.boot, kept.header.seq) > std::pair(newest->header.boot, newest->header.seq)) {
       newest = kept;
+      flight = kept_flight;
     }
   }
-  if (!newest || newest->header.boot == std::numeric_limits<std::int32_t>::max()) return {first_boot, {}, 0, {}};
-  return {newest->header.boot + 1, motion_of(*newest), newest->forced_seq,
-          to_utime(newest->header.utime)};  // what was pending nobody can have committed
+  if (!newest || newest->header.boot == std::numeric_limits<std::int32_t>::max()) return {first_boot, {}, 0, {}, {}};
+  return {newest->header.boot + 1, motion_of(*newest), newest->forced_seq, to_utime(newest->header.utime),
+          flight};  // what was pending nobody can have committed
 }
 
 }  // namespace swarm

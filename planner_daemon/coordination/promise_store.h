@@ -1,4 +1,5 @@
-// What a broadcast daemon must not forget when it crashes: its newest binding announcement.
+// What a broadcast daemon must not forget when it crashes: its newest binding announcement, and where it was in its
+// flight.
 #pragma once
 
 #include <array>
@@ -9,6 +10,7 @@
 #include <vector>
 
 #include "planner_daemon/trajectory/motion.h"
+#include "sogm_swarm/flight_status_t.hpp"
 
 namespace swarm {
 
@@ -65,7 +67,11 @@ struct KeptPromise {
   std::optional<Motion> motion;
   std::int32_t forced_seq = 0;  // newest trajectory that was forced
   Utime utime{};                // when it was kept
+  std::optional<sogm_swarm::flight_status_t> flight = {};
 };
+// What is kept: an announcement and a flight status, each with the same header.
+std::vector<std::uint8_t> promise_bytes(const sogm_swarm::announcement_t& promise,
+                                        const sogm_swarm::flight_status_t& flight);
 // Of the copies that are whole the newest counts; what is damaged, or another robot's, is logged.
 KeptPromise load_promise(PromiseStore& store, int robot_id, std::int32_t first_boot);
 

@@ -41,6 +41,7 @@ class MissionProgress {
 
   bool empty() const { return mission_.empty(); }
   int index() const { return static_cast<int>(index_); }
+  int size() const { return static_cast<int>(mission_.size()); }
   const Waypoint& waypoint() const { return mission_[index_]; }  // that it flies to; not of an empty mission
 
  private:

@@ -132,7 +132,7 @@ RunReport run_lockstep(const World& world, const OccupiedCubes* static_map, cons
   std::deque<MemoryPromiseStore> promises(world.robots.size());
   std::vector<RobotWork> work(world.robots.size());
   LinkModel link(options.link, seed_of(world.name));
-  BusRecorder recorder(logs, !options.clock_steps.empty());
+  BusRecorder recorder(logs, !options.clock_steps.empty(), options.clock_offset_ms);
   std::optional<LockstepHost> host(kEpoch);
   Simulation simulation(world, static_map, {options.time_limit_s, options.clock_offset_ms, options.clock_steps},
                         kEpoch - Simulation::kTick, follow_flight(trace, progress, [&host] { host->stop(); }));
@@ -170,7 +170,7 @@ RunReport run_lockstep(const World& world, const OccupiedCubes* static_map, cons
 
   const std::chrono::duration<double> wall = stopwatch() - began;
   RunReport report = report_of(simulation, work, wall.count());
-  recorder.finish(options.clock_offset_ms, &report);
+  recorder.finish(&report);
   return report;
 }
 

@@ -16,7 +16,6 @@
 #include "lcmtypes/bus/temporary_directory.h"
 #include "lcmtypes/bus/text.h"
 #include "swarm_sim/environment/environment_node.h"
-#include "swarm_sim/hosts/autopilot.h"
 #include "swarm_sim/hosts/relay.h"
 #include "swarm_sim/hosts/robot_watch.h"
 #include "swarm_sim/hosts/supervisor.h"
@@ -253,7 +252,7 @@ RunReport run_processes(const World& world, const OccupiedCubes* static_map, con
   Simulation simulation(simulated, static_map, {options.time_limit_s, options.clock_offset_ms, options.clock_steps},
                         wall_utime(), follow_flight(trace, progress, [&host] { host.stop(); }));
   Relay relay(options.link, seed_of(world.name), [&](Utime utime) { return simulation.t_s(utime); });
-  BusRecorder recorder(logs, !options.clock_steps.empty());
+  BusRecorder recorder(logs, !options.clock_steps.empty(), options.clock_offset_ms);
   const std::vector<RobotPlace> places = places_of(world, processes, relayed);
   const std::vector<Duration> clocks = clock_offsets(options.clock_offset_ms, world);
   const std::int32_t boot = new_boot();
@@ -276,7 +275,7 @@ RunReport run_processes(const World& world, const OccupiedCubes* static_map, con
     if (!processes.mavlink.empty()) {
       const int port = processes.base_port + 66 + robot.id;
       start_bridge(world, robot, place, processes.mavlink, port, directories, children);
-      autopilots.emplace_back(host.io(), port, simulation, i);
+      autopilots.emplace_back(host.io(), port, simulation, i, processes.autopilot);
     }
     for (DaemonProgram& daemon : daemons_of(world, robot, options, place, clocks[i], directories)) {
       std::filesystem::remove(daemon.log);  // of an earlier flight
@@ -297,7 +296,7 @@ RunReport run_processes(const World& world, const OccupiedCubes* static_map, con
 
   const std::chrono::duration<double> wall = stopwatch() - began;
   RunReport report = report_of(simulation, watches, wall.count());
-  recorder.finish(options.clock_offset_ms, &report);
+  recorder.finish(&report);
   return report;
 }
 

@@ -8,6 +8,7 @@
 
 #include "lcmtypes/bus/bus_url.h"
 #include "swarm_sim/environment/simulation.h"
+#include "swarm_sim/hosts/autopilot.h"
 #include "swarm_sim/hosts/flight_options.h"
 #include "swarm_sim/hosts/flight_progress.h"
 #include "swarm_sim/results/recorder.h"
@@ -22,8 +23,9 @@ struct ProcessOptions {
   int base_port = kDefaultBasePort;  // swarm bus; robot k's onboard bus is base_port + 33 + k
   std::string mavlink;  // each robot flies through mavlink_bridge and a simulated flight controller, which is told
                         // position or attitude; empty: no
-  std::string netns;    // robot k is in the network namespace of this name and its number; empty: all are here
-  std::filesystem::path out;       // the daemons' config files and output go here; empty: a temporary directory
+  AutopilotOptions autopilot;  // of those
+  std::string netns;           // robot k is in the network namespace of this name and its number; empty: all are here
+  std::filesystem::path out;   // the daemons' config files and output go here; empty: a temporary directory
   std::filesystem::path programs;  // where the daemons are; empty: beside this program
 };
 

@@ -68,7 +68,8 @@ std::string RobotWatch::missing() const {
   if (broadcast_.state != broadcast_status_t::kFlying)
     return "broadcast_daemon: waits for the robot's state or for peers";
   if (map_.header.utime == 0) return "map_daemon: no status";
-  if (planner_.plans == 0) return "planner_daemon: no plan";
+  const bool stands = planner_.state == sogm_swarm::planner_status_t::kNotLed;
+  if (planner_.plans == 0 && !stands) return "planner_daemon: no plan";
   return "";
 }
 

@@ -15,12 +15,12 @@ void BusRecorder::hear(Utime now, BusId bus, int robot_id, std::string_view chan
     audit_.collect(bytes, clocks_are_set_ ? std::optional(now) : std::nullopt);
 }
 
-void BusRecorder::finish(double clock_offset_ms, RunReport* report) {
+void BusRecorder::finish(RunReport* report) {
   for (const auto& [name, count] : channels_) {
     report->channels[name].messages += count.messages;
     report->channels[name].bytes += count.bytes;
   }
-  audit_.finish(clock_offset_ms);
+  audit_.finish();
   report->count_commits(audit_);
 }
 

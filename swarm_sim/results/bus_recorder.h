@@ -13,13 +13,15 @@ namespace swarm {
 class BusRecorder {
  public:
   // `log` (may be null) must outlive it. `clocks_are_set`: robots' clocks, in flight; see CommitAudit::collect.
-  BusRecorder(BusLog* log, bool clocks_are_set) : log_(log), clocks_are_set_(clocks_are_set) {}
+  // `clock_offset_ms`: as in FlightOptions.
+  BusRecorder(BusLog* log, bool clocks_are_set, double clock_offset_ms)
+      : log_(log), clocks_are_set_(clocks_are_set), audit_(clock_offset_ms) {}
 
   // One message, once for all who hear it. `robot_id`: of the sender.
   void hear(Utime now, BusId bus, int robot_id, std::string_view channel, std::span<const std::uint8_t> bytes);
 
-  // Adds counts and audit to the report. `clock_offset_ms`: as in FlightOptions.
-  void finish(double clock_offset_ms, RunReport* report);
+  // Adds counts and audit to the report.
+  void finish(RunReport* report);
 
  private:
   BusLog* log_;

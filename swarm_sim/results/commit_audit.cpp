@@ -78,11 +78,17 @@ void CommitAudit::collect(std::span<const std::uint8_t> bytes, std::optional<Uti
   if (!is_first && !announcement.differs(newest->second)) return;
   newest->second = announcement;
   collected_.push_back(announcement);
+  if (collected_.size() >= kMostCollected) hear_collected(kMostCollected / 2);
 }
 
-void CommitAudit::finish(double clock_offset_ms) {
-  const std::vector<Duration> offsets = clock_offsets(clock_offset_ms, newest_.size());
+void CommitAudit::finish() {
+  hear_collected(collected_.size());
+}
+
+void CommitAudit::hear_collected(std::size_t count) {
+  const std::vector<Duration> offsets = clock_offsets(clock_offset_ms_, newest_.size());
   for (Announcement& announcement : collected_) {
+    if (std::exchange(announcement.is_set_back, true)) continue;
     const auto place = std::distance(newest_.begin(), newest_.find(announcement.header.robot_id));
     Duration offset = offsets[static_cast<std::size_t>(place)];
     if (announcement.sent) {
@@ -92,17 +98,18 @@ void CommitAudit::finish(double clock_offset_ms) {
     announcement.set_back(offset);
   }
   std::ranges::stable_sort(collected_, {}, [](const Announcement& a) { return a.header.utime; });
-  for (const Announcement& announcement : collected_) hear(announcement);
-  collected_.clear();
+  const auto end = collected_.begin() + static_cast<std::ptrdiff_t>(count);
+  std::for_each(collected_.begin(), end, [this](const Announcement& announcement) { hear(announcement); });
+  collected_.erase(collected_.begin(), end);
 }
 
 CommitAudit audit_log(const std::filesystem::path& path, double clock_offset_ms) {
   LcmLog log(path);
-  CommitAudit audit;
+  CommitAudit audit(clock_offset_ms);
   for (LogEvent event; log.next(&event);) {
     if (event.channel == channel::kTrajectory) audit.collect(event.bytes);
   }
-  audit.finish(clock_offset_ms);
+  audit.finish();
   return audit;
 }
 

@@ -24,14 +24,18 @@ struct CommitConflict {
 
 class CommitAudit {
  public:
+  // Of robots whose clocks are off as `clock_offset_ms` of FlightOptions says.
+  explicit CommitAudit(double clock_offset_ms = 0.0) : clock_offset_ms_(clock_offset_ms) {}
+
   // An announcement as it was sent, by a robot whose clock is ahead of the world's; in the order of sending. Anything
   // else is ignored.
   void hear(std::span<const std::uint8_t> bytes, Duration clock_offset = {});
   // The same in any order; finish() then hears them in the order of their header times, which is that of cause and
-  // effect where none of what a robot sent is missing. `clock_offset_ms`: as in FlightOptions, of the robots heard.
-  // `sent`: by the world's clock, for robots whose clocks are set in flight; it tells what their stamps are worth.
+  // effect where none of what a robot sent is missing. Of a flight that goes on and on the older ones are heard
+  // earlier. `sent`: by the world's clock, for robots whose clocks are set in flight; it tells what their stamps are
+  // worth.
   void collect(std::span<const std::uint8_t> bytes, std::optional<Utime> sent = {});
-  void finish(double clock_offset_ms = 0.0);
+  void finish();
 
   int robots() const { return static_cast<int>(robots_.size()); }
   std::int64_t motions() const { return motions_; }  // audited
@@ -44,6 +48,7 @@ class CommitAudit {
     Motion motion;
     std::int32_t forced_seq = 0;  // newest that was committed without everybody's word
     std::optional<Utime> sent;    // by the world's clock, where that counts
+    bool is_set_back = false;     // to the world's time
 
     void set_back(Duration clock_offset);  // to the world's time
     // Bound to one that was forced lately.
@@ -58,6 +63,11 @@ class CommitAudit {
   // False: it is none.
   bool read(std::span<const std::uint8_t> bytes, Announcement* announcement);
   void hear(const Announcement& announcement);
+  void hear_collected(std::size_t count);  // so many, the oldest
+
+  static constexpr std::size_t kMostCollected = 100'000;  // half an hour of four robots; 100 MB
+
+  double clock_offset_ms_;
 
   std::map<int, double> radii_m_;  // of the robots, by id: the least announced; at times they announce errors with it
   std::map<int, Robot> robots_;

@@ -107,13 +107,45 @@ TEST(Validate, Ranges) {
   EXPECT_RANGE(lidar_scan_t, num_parts, 1, 16);
   EXPECT_RANGE(perception_status_t, state, 0, 2);
   EXPECT_RANGE(perception_status_t, map_state, 0, 3);
-  EXPECT_RANGE(planner_status_t, state, 0, 5);
+  EXPECT_RANGE(planner_status_t, state, 0, 6);
+  EXPECT_RANGE(order_t, order, 0, 5);
+  EXPECT_RANGE(vehicle_status_t, armed, 0, 1);
+  EXPECT_RANGE(vehicle_status_t, place, 0, 2);
+  EXPECT_RANGE(flight_status_t, state, 0, 6);
+  EXPECT_RANGE(flight_status_t, cause, 0, 5);
+  EXPECT_RANGE(flight_status_t, led_to, 0, 2);
+  EXPECT_RANGE(flight_status_t, destination[1], -1e5, 1e5);
+  EXPECT_RANGE(flight_status_t, verdict, 0, 3);
   EXPECT_RANGE(planner_status_t, outcome, 0, 2);
+  EXPECT_RANGE(planner_status_t, destination[2], -1e5, 1e5);
   EXPECT_RANGE(broadcast_status_t, state, 0, 6);
   Judge<announcement_t> announcement;
   EXPECT_EQ(announcement([](auto& m) { m.radius = 0.0f; }), kValue);
   EXPECT_EQ(announcement([](auto& m) { m.radius = 10.0f; }), kGood);
   EXPECT_EQ(announcement([](auto& m) { m.radius = 10.01f; }), kValue);
+}
+
+TEST(Validate, OrdersAndVehiclesMakeSense) {
+  Judge<order_t> order;
+  const auto climbs = [&](double height) {
+    return order([=](auto& m) { m.order = order_t::kTakeOff, m.height = height; });
+  };
+  EXPECT_EQ(climbs(0.1), kGood);
+  EXPECT_EQ(climbs(100.0), kGood);
+  EXPECT_EQ(climbs(0.05), kInconsistent);
+  EXPECT_EQ(climbs(100.1), kValue);
+  EXPECT_EQ(climbs(std::numeric_limits<double>::quiet_NaN()), kValue);
+  EXPECT_EQ(order([](auto& m) { m.order = order_t::kLand, m.height = 1.0; }), kInconsistent);
+  Judge<vehicle_status_t> vehicle;
+  for (const float battery : {-1.0f, 0.0f, 1.0f})
+    EXPECT_EQ(vehicle([=](auto& m) { m.battery = battery; }), kGood) << battery;
+  for (const float battery : {-0.5f, 1.01f})
+    EXPECT_EQ(vehicle([=](auto& m) { m.battery = battery; }), kValue) << battery;
+  EXPECT_EQ(vehicle([](auto& m) { m.armed = 0, m.obeys = 1; }), kInconsistent);
+  Judge<flight_status_t> status;
+  EXPECT_EQ(status([](auto& m) { m.order_boot = -2; }), kValue);
+  EXPECT_EQ(status([](auto& m) { m.order_seq = -1; }), kValue);
+  EXPECT_EQ(status([](auto& m) { m.climb = -0.1; }), kValue);
 }
 
 TEST(Validate, ScansMakeSense) {
@@ -153,6 +185,7 @@ TEST(Validate, CountersAndAmountsAreNotNegative) {
   EXPECT_TRUE(refused([](auto& m) { m.refused[11] = -1; }, Judge<map_status_t>()));
   EXPECT_TRUE(refused([](auto& m) { m.missed = -1; }, Judge<planner_status_t>()));
   EXPECT_TRUE(refused([](auto& m) { m.expansions = -1; }, Judge<planner_status_t>()));
+  EXPECT_TRUE(refused([](auto& m) { m.num_waypoints = -1; }, Judge<planner_status_t>()));
   EXPECT_TRUE(refused([](auto& m) { m.check_ms = -1; }, Judge<planner_status_t>()));
   EXPECT_TRUE(refused([](auto& m) { m.prepare_ms = -1; }, Judge<planner_status_t>()));
   EXPECT_TRUE(refused([](auto& m) { m.refused[0] = -1; }, Judge<planner_status_t>()));

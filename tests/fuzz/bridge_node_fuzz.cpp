@@ -33,6 +33,8 @@ class Bench : public NodeBench<Bench, BridgeNode> {
   void check() {
     expect(elapsed - last_heartbeat_ <= 1s, "heartbeats go out");
     // 50 ms without setpoints, then it samples the trajectory.
+    // But for a controller that takes off by itself.
+    if (node.report().controller.heartbeat.autopilot == mavlink::Heartbeat::kArdupilot) last_target_ = elapsed;
     if (node.report().led_by == LedBy::kTrajectory) expect(elapsed - last_target_ <= 60ms, "targets keep their rate");
   }
 
@@ -100,7 +102,19 @@ void send_frame(FuzzInput& input, mavlink::Encoder* encoder, Bench* bench) {
                                                              : static_cast<std::uint64_t>(to_us(bench->now) / 1000));
   };
   mavlink::Message message;
-  switch (input.byte() % 4) {
+  switch (input.byte() % 7) {
+    case 4:
+      message = mavlink::ExtendedSysState{0, input.byte()};
+      break;
+    case 5:
+      message = mavlink::CommandAck{static_cast<std::uint16_t>(input.word(2)), input.byte()};
+      break;
+    case 6: {
+      mavlink::SysStatus status;
+      status.battery_percent = input.byte();
+      message = status;
+      break;
+    }
     case 0:
       message = mavlink::Heartbeat{0, input.byte(), input.byte(), input.byte(), input.byte(), 3};
       break;
@@ -118,7 +132,7 @@ void send_frame(FuzzInput& input, mavlink::Encoder* encoder, Bench* bench) {
 void try_input(FuzzInput input) {
   Bench bench;
   mavlink::Encoder controller({1, 1});
-  play(input, 12, 30s, &bench, [&](int number) {
+  play(input, 13, 30s, &bench, [&](int number) {
     if (number == 0) {
       bench.deliver_anything(input);
     } else if (number == 2) {
@@ -129,8 +143,10 @@ void try_input(FuzzInput input) {
       send_announcement(input, &bench);
     } else if (number <= 9) {
       send_frame(input, &controller, &bench);
+    } else if (number == 10) {
+      bench.send(BusId::kOnboard, channel::kFlightStatus, flight_status(input, bench.header(input, Bench::kRobot)));
     }
-    return number <= 9;
+    return number <= 10;
   });
 }
 

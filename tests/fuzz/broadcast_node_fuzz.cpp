@@ -173,6 +173,24 @@ void send_candidate(FuzzInput& input, Bench* bench, std::int32_t seq) {
   bench->send(BusId::kOnboard, channel::kCandidate, candidate);
 }
 
+void send_order(FuzzInput& input, Bench* bench) {
+  sogm_swarm::order_t order{};
+  order.header = bench->header(input, Bench::kRobot);
+  order.order = static_cast<std::int16_t>(input.byte() % 6);
+  order.height = order.order == sogm_swarm::order_t::kTakeOff ? input.real(0.1, 5) : 0.0;
+  bench->send(BusId::kOnboard, channel::kFlightOrder, order);
+}
+
+void send_vehicle(FuzzInput& input, Bench* bench) {
+  sogm_swarm::vehicle_status_t vehicle{};
+  vehicle.header = bench->header(input, Bench::kRobot);
+  vehicle.armed = input.flag() ? 1 : 0;
+  vehicle.obeys = static_cast<std::int16_t>(vehicle.armed != 0 && input.flag() ? 1 : 0);
+  vehicle.place = static_cast<std::int16_t>(input.byte() % 3);
+  vehicle.battery = input.flag() ? -1.0f : static_cast<float>(input.real(0, 1));
+  bench->send(BusId::kOnboard, channel::kVehicleStatus, vehicle);
+}
+
 // A twin, or an echo of what it said itself.
 void send_own(FuzzInput& input, Bench* bench) {
   announcement_t message = *bench->own;
@@ -207,8 +225,12 @@ void try_input(FuzzInput input) {
       const int place_of_peer = input.flag() ? 1 : 0;
       const announcement_t message = announcement_of(input, *bench, 2 * place_of_peer, &peers[place_of_peer]);
       bench->send(BusId::kSwarm, channel::kTrajectory, message);
+    } else if (number == 13) {
+      send_order(input, bench.get());
+    } else if (number == 14) {
+      send_vehicle(input, bench.get());
     }
-    return number <= 12;
+    return number <= 14;
   });
 }
 

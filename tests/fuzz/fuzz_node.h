@@ -169,6 +169,19 @@ inline Eigen::Vector3d place(FuzzInput& input, double reach_m) {
   return {x, y, z};
 }
 
+// Of any state: where it is in its flight.
+inline sogm_swarm::flight_status_t flight_status(FuzzInput& input, const sogm_swarm::header_t& header) {
+  sogm_swarm::flight_status_t status{};
+  status.header = header;
+  status.state = static_cast<std::int16_t>(input.byte() % 7);
+  status.cause = static_cast<std::int16_t>(input.byte() % 6);
+  status.led_to = static_cast<std::int16_t>(input.byte() % 3);
+  status.order_boot = -1;
+  Eigen::Map<Eigen::Vector3d>(status.destination) = Eigen::Vector3d(0, 0, 1) + place(input, 6.0);
+  status.climb = input.real(0, 3);
+  return status;
+}
+
 // From rest somewhere, or from the state of another trajectory.
 inline Trajectory trajectory(FuzzInput& input, Utime start, const Eigen::Vector3d& from, std::int32_t seq) {
   const Eigen::Vector3d to = from + place(input, 3.0);

@@ -45,7 +45,7 @@ struct Reading {
 
 Message make_message(FuzzInput& input) {
   const auto number = [&] { return static_cast<float>(input.flag() ? input.any_real() : input.real(-100, 100)); };
-  switch (input.byte() % 5) {
+  switch (input.byte() % 9) {
     case 0:
       return Heartbeat{static_cast<std::uint32_t>(input.word(4)),
                        input.byte(),
@@ -68,7 +68,7 @@ Message make_message(FuzzInput& input) {
       target.type_mask = input.byte();
       return target;
     }
-    default: {
+    case 4: {
       SetPositionTargetLocalNed target;
       target.time_boot_ms = static_cast<std::uint32_t>(input.word(4));
       for (auto* values : {&target.position, &target.velocity, &target.acceleration})
@@ -77,6 +77,23 @@ Message make_message(FuzzInput& input) {
       target.type_mask = static_cast<std::uint16_t>(input.word(2));
       target.frame = input.byte();
       return target;
+    }
+    case 5: {
+      CommandLong command;
+      command.parameters = {number(), number(), number(), number(), number(), number(), number()};
+      command.command = static_cast<std::uint16_t>(input.word(2));
+      return command;
+    }
+    case 6:
+      return CommandAck{static_cast<std::uint16_t>(input.word(2)), input.byte()};
+    case 7:
+      return ExtendedSysState{input.byte(), input.byte()};
+    default: {
+      SysStatus status;
+      status.sensors_healthy = static_cast<std::uint32_t>(input.word(4));
+      status.errors[3] = static_cast<std::uint16_t>(input.word(2));
+      status.battery_percent = input.byte();
+      return status;
     }
   }
 }

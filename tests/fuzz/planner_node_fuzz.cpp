@@ -174,8 +174,10 @@ void try_input(FuzzInput input) {
       bench.send_goal(input);
     } else if (number <= 12) {
       bench.send_map(input);
+    } else if (number == 13) {
+      bench.send(BusId::kOnboard, channel::kFlightStatus, flight_status(input, bench.header(input, Bench::kRobot)));
     }
-    return number <= 12;
+    return number <= 13;
   });
 }
 

@@ -39,13 +39,22 @@ void try_input(FuzzInput input) {
   const auto place_of_robot = place(input, 5.0);
   const int delay_ms = input.integer(0, 2000);
   PromiseStore::Copies copies;
-  for (int count = input.byte() % 3; count > 0; --count) copies.push_back(message_bytes(input, channel::kTrajectory));
+  std::vector<std::pair<Bytes, Bytes>> parts;  // of the copies: an announcement and a flight status
+  for (int count = input.byte() % 3; count > 0; --count) {
+    const Bytes promise = message_bytes(input, channel::kTrajectory);
+    const Bytes flight = message_bytes(input, channel::kFlightStatus);
+    parts.emplace_back(promise, flight);
+    copies.push_back(promise);
+    copies.back().insert(copies.back().end(), flight.begin(), flight.end());
+  }
   Store store(copies);
   const KeptPromise kept = load_promise(store, Bench::kRobot, 7);
   expect(kept.boot > 0, "starts are counted");
-  for (const auto& copy : copies) {
+  for (const auto& [bytes, flight_bytes] : parts) {
     sogm_swarm::announcement_t promise;
-    if (decode(copy, &promise) != Refusal::kNone || promise.header.robot_id != Bench::kRobot) continue;
+    sogm_swarm::flight_status_t flight;
+    if (decode(flight_bytes, &flight) != Refusal::kNone) continue;
+    if (decode(bytes, &promise) != Refusal::kNone || promise.header.robot_id != Bench::kRobot) continue;
     if (promise.header.boot == std::numeric_limits<std::int32_t>::max()) continue;
     expect(kept.motion && kept.boot > promise.header.boot, "a start is later than what was promised before");
   }

@@ -220,8 +220,10 @@ void write_promises(const Corpora& corpora) {
   promise.header.robot_id = 1;
   Bytes bytes;
   encode(promise, &bytes);
-  corpora.write("promise", "one", Seed().word(0, 6).word(100, 2).byte(1).message(bytes));
-  corpora.write("promise", "two", Seed().word(0, 6).word(100, 2).byte(2).message(bytes).byte(0).part("damaged"));
+  const Bytes flight = message_on(channel::kFlightStatus);
+  corpora.write("promise", "one", Seed().word(0, 6).word(100, 2).byte(1).message(bytes).message(flight));
+  corpora.write("promise", "two",
+                Seed().word(0, 6).word(100, 2).byte(2).message(bytes).message(flight).byte(0).part("damaged"));
 }
 
 // A broadcaster that commits: it hears its state and both peers, is told twice where to fly, and everybody agrees.

@@ -248,7 +248,10 @@ TEST(View, SendsGoalsOnlyWhenAllowed) {
     EXPECT_EQ(goals[0].waypoints[0].position[1], -2.0);
     int errors = 0;
     for (const char* bad :
-         {R"({"goal": {"robot": 7, "position": [0, 0, 1]}})", R"({"goal": {"robot": 0, "position": [0, 0, 1e9]}})",
+         {R"({"order": {"robots": [0], "name": "jump"}})",
+          R"({"order": {"robots": [0], "name": "take-off", "height": 0}})",
+          R"({"order": {"robots": [7], "name": "land"}})", R"({"order": {"name": "land"}})",
+          R"({"goal": {"robot": 7, "position": [0, 0, 1]}})", R"({"goal": {"robot": 0, "position": [0, 0, 1e9]}})",
           R"({"goal": {"robot": 0, "position": [0, 0]}})", R"({"goal": {"position": [0, 0, 1]}})", R"({"goal": 3})",
           R"({"play": true})", "[]", "{", R"({"select": "me"})", R"({"frame": null})"}) {
       watcher.tell(bad);
@@ -407,6 +410,60 @@ TEST(View, BrowserShowsWhatSensorsSee) {
   (void)browser.evaluate("select(null)");
   EXPECT_TRUE(browser.wait_until(10.0 * kPatience, "shown().scan + shown().standing + shown().masks === 0"))
       << browser.evaluate("shown()");
+}
+
+// Buttons give orders, to the robot that is looked at or to all; an emergency is asked for.
+TEST(View, BrowserGivesOrders) {
+  if (!Browser::is_installed() || !std::filesystem::exists("/usr/share/javascript/three"))
+    GTEST_SKIP() << "Chromium or libjs-three is not installed (tools/setup --view --browser)";
+  View view({"--onboard", "0,1", "--allow-goals", "true", "--three", "/usr/share/javascript/three"});
+  std::map<int, std::vector<sogm_swarm::order_t>> orders;
+  LcmBus first(onboard_url(0)), second(onboard_url(1));
+  for (LcmBus* bus : {&first, &second}) {
+    bus->subscribe(channel::kFlightOrder, [&](std::string_view, std::span<const std::uint8_t> bytes) {
+      sogm_swarm::order_t order;
+      EXPECT_EQ(decode(bytes, &order), Refusal::kNone);
+      orders[order.header.robot_id].push_back(order);
+    });
+  }
+  Browser browser("http://127.0.0.1:" + std::to_string(view.port()) + "/");
+  std::int64_t seq = 0;
+  const auto live = [&](double seconds, const std::function<bool()>& enough) {
+    return wait_for(seconds * kPatience, [&] {
+      for (const int id : {0, 1}) {
+        sogm_swarm::flight_status_t status{};
+        status.header = make_header(id, 1, seq++, wall_utime());
+        status.state = sogm_swarm::flight_status_t::kHold;
+        status.order_boot = -1;
+        EXPECT_TRUE((id == 0 ? first : second).publish(channel::kFlightStatus, encoded(status)));
+      }
+      for (LcmBus* bus : {&first, &second})
+        while (bus->drain() > 0) continue;
+      return enough();
+    });
+  };
+  const auto shows = [&](const char* what) { return browser.evaluate(what) == WebJson(true); };
+  ASSERT_TRUE(live(30.0, [&] {
+    return shows(
+        "typeof shown !== 'undefined' && shown().cards.filter((c) => c.includes('holding its place')).length === 2");
+  })) << browser.evaluate("shown()");
+  const auto click = [&](const char* name) {
+    (void)browser.evaluate("document.querySelector('[data-order=" + std::string(name) + "]').click()");
+  };
+  (void)browser.evaluate("select(1), document.getElementById('height').value = 2");
+  click("take-off");
+  EXPECT_TRUE(live(10.0, [&] { return !orders[1].empty(); }));
+  EXPECT_TRUE(orders[0].empty());
+  EXPECT_EQ(orders[1].back().order, sogm_swarm::order_t::kTakeOff);
+  EXPECT_EQ(orders[1].back().height, 2.0);
+  (void)browser.evaluate("document.getElementById('order-all').checked = true, window.confirm = () => false");
+  click("emergency");
+  click("land");
+  EXPECT_TRUE(live(10.0, [&] { return !orders[0].empty() && orders[1].back().order == sogm_swarm::order_t::kLand; }));
+  EXPECT_EQ(orders[0].front().order, sogm_swarm::order_t::kLand) << "the emergency was taken back";
+  (void)browser.evaluate("window.confirm = () => true");
+  click("emergency");
+  EXPECT_TRUE(live(10.0, [&] { return orders[0].back().order == sogm_swarm::order_t::kEmergency; }));
 }
 
 }  // namespace

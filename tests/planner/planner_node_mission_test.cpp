@@ -65,5 +65,44 @@ TEST(PlannerNodeMission, BrakesToALowerSpeed) {
   EXPECT_GT(plan.at(plan.start_utime() + 1s).velocity.x(), 0.2);
 }
 
+// Who leads it: nobody on the ground and straight up and down; to the place of its flight's state; to its goal.
+TEST(PlannerNodeMission, FollowsTheFlightsState) {
+  using sogm_swarm::flight_status_t;
+  Fixture f;
+  std::int64_t seq = 0;
+  const auto say = [&](std::int16_t state, std::int16_t led_to, const Eigen::Vector3d& destination) {
+    flight_status_t status{};
+    status.header = make_header(kRobot, 1, seq++, f.now);
+    status.state = state;
+    status.led_to = led_to;
+    status.order_boot = -1;
+    Eigen::Map<Eigen::Vector3d>(status.destination) = destination;
+    f.send(channel::kFlightStatus, status);
+  };
+  const auto plan = [&] {
+    const int before = f.node.plans();
+    f.send_hover();
+    f.send_map();
+    f.run_for(0.1);
+    return f.node.plans() > before;
+  };
+  f.send_goal({1, 0, 1});
+  say(flight_status_t::kTakeOff, flight_status_t::kNowhere, {0, 0, 0});
+  for (int i = 0; i < 11; ++i) EXPECT_FALSE(plan());
+  EXPECT_EQ(f.status().state, planner_status_t::kNotLed);
+  say(flight_status_t::kHome, flight_status_t::kDestination, {0, -1, 1});
+  EXPECT_TRUE(plan());
+  EXPECT_LT((end_of(f.planned()) - Eigen::Vector3d(0, -1, 1)).norm(), 0.05);
+  say(flight_status_t::kFlying, flight_status_t::kGoal, {0, 0, 0});
+  EXPECT_TRUE(plan());
+  EXPECT_LT((end_of(f.planned()) - Eigen::Vector3d(1, 0, 1)).norm(), 0.05);
+  // It has landed: its goal is forgotten.
+  say(flight_status_t::kOnGround, flight_status_t::kNowhere, {0, 0, 0});
+  EXPECT_FALSE(plan());
+  say(flight_status_t::kFlying, flight_status_t::kGoal, {0, 0, 0});
+  EXPECT_TRUE(plan());
+  EXPECT_EQ(f.node.newest_request().goal, kHome);
+}
+
 }  // namespace
 }  // namespace swarm::test

@@ -181,5 +181,20 @@ TEST(CommitAudit, ConflictsInALogAreNamed) {
   EXPECT_NE(found.out.find("robot 1 (trajectory 2) and robot 0 (trajectory 1)"), std::string::npos) << found.out;
 }
 
+// A flight that goes on and on is audited on its way.
+TEST(CommitAudit, LongFlightsAreAuditedToo) {
+  constexpr int kCommits = 60'000;  // of each robot; 100,000 of all are kept
+  CommitAudit audit;
+  for (int i = 0; i < kCommits; ++i) {
+    const Utime utime = kStart + i * 100ms;
+    const bool meets = i == 10 || i == kCommits - 10;
+    audit.collect(announcement(0, i, Trajectory::hover(i + 1, utime, {0, 0, 1})));
+    audit.collect(announcement(1, i, Trajectory::hover(i + 1, utime, {meets ? 0.1 : 10.0, 0, 1})));
+  }
+  audit.finish();
+  EXPECT_EQ(audit.motions(), 2 * kCommits);
+  EXPECT_EQ(audit.conflicts().size(), 4u);
+}
+
 }  // namespace
 }  // namespace swarm::test

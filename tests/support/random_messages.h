@@ -151,6 +151,27 @@ inline void make(Random& random, int elements, goal_t* m) {
     waypoint.wait = real(random, 0, 86400);
   }
 }
+inline void make(Random& random, int, order_t* m) {
+  m->order = static_cast<std::int16_t>(integer(random, 0, 5));
+  m->height = m->order == order_t::kTakeOff ? real(random, 0.1, 100) : 0.0;
+}
+inline void make(Random& random, int, vehicle_status_t* m) {
+  m->armed = static_cast<std::int16_t>(integer(random, 0, 1));
+  m->obeys = static_cast<std::int16_t>(m->armed * integer(random, 0, 1));
+  m->place = static_cast<std::int16_t>(integer(random, 0, 2));
+  m->battery = integer(random, 0, 3) == 0 ? -1.0f : static_cast<float>(real(random, 0, 1));
+}
+inline void make(Random& random, int, flight_status_t* m) {
+  m->state = static_cast<std::int16_t>(integer(random, 0, 6));
+  m->cause = static_cast<std::int16_t>(integer(random, 0, 5));
+  m->led_to = static_cast<std::int16_t>(integer(random, 0, 2));
+  fill(random, -1e5, 1e5, m->destination);
+  fill(random, -1e5, 1e5, m->home);
+  m->climb = real(random, 0, 100);
+  m->order_boot = integer(random, -1, 1 << 30);
+  m->order_seq = integer(random, 0, 1 << 30);
+  m->verdict = static_cast<std::int16_t>(integer(random, 0, 3));
+}
 inline void make(Random& random, int, map_status_t* m) {
   m->state = static_cast<std::int16_t>(integer(random, 0, 2));
   m->maps = m->map_bytes = m->obstacles = integer(random, 0, 1 << 22);
@@ -190,7 +211,8 @@ inline void make(Random& random, int elements, obstacles_t* m) {
 inline void make(Random& random, int, planner_status_t* m) {
   m->state = static_cast<std::int16_t>(integer(random, 0, 5));
   m->outcome = static_cast<std::int16_t>(integer(random, 0, 2));
-  m->plans = m->missed = m->expansions = m->waypoint = integer(random, 0, 1 << 30);
+  m->plans = m->missed = m->expansions = m->waypoint = m->num_waypoints = integer(random, 0, 1 << 30);
+  fill(random, -1e5, 1e5, m->destination);
   for (float* value : {&m->rate_hz, &m->compose_ms, &m->search_ms, &m->corridor_ms, &m->optimize_ms, &m->check_ms,
                        &m->total_ms, &m->prepare_ms}) {
     *value = static_cast<float>(real(random, 0, 1e3));
@@ -277,6 +299,18 @@ void each_real(goal_t& m, F f) {
   for (waypoint_t& w : m.waypoints) each(f, w.position, w.tolerance, w.speed, w.wait);
 }
 template <class F>
+void each_real(order_t& m, F f) {
+  each(f, m.height);
+}
+template <class F>
+void each_real(vehicle_status_t& m, F f) {
+  each(f, m.battery);
+}
+template <class F>
+void each_real(flight_status_t& m, F f) {
+  each(f, m.destination, m.home, m.climb);
+}
+template <class F>
 void each_real(map_status_t& m, F f) {
   each(f, m.rate_hz, m.build_ms);
 }
@@ -291,7 +325,8 @@ void each_real(obstacles_t& m, F f) {
 }
 template <class F>
 void each_real(planner_status_t& m, F f) {
-  each(f, m.rate_hz, m.compose_ms, m.search_ms, m.corridor_ms, m.optimize_ms, m.check_ms, m.total_ms, m.prepare_ms);
+  each(f, m.rate_hz, m.compose_ms, m.search_ms, m.corridor_ms, m.optimize_ms, m.check_ms, m.total_ms, m.prepare_ms,
+       m.destination);
 }
 template <class F>
 void each_real(robot_state_t& m, F f) {

@@ -89,13 +89,13 @@ TEST(Bridge, KnowsWhetherTheControllerIsThereAndArmed) {
   EXPECT_FALSE(flight.node.report().heard_utime);
   flight.autopilot.report_heartbeat(false);
   EXPECT_EQ(flight.node.report().heard_utime, flight.now);
-  EXPECT_FALSE(flight.node.report().armed());
+  EXPECT_FALSE(flight.node.report().controller.armed());
   flight.autopilot.report_heartbeat(true);
-  EXPECT_TRUE(flight.node.report().armed());
+  EXPECT_TRUE(flight.node.report().controller.armed());
   mavlink::Heartbeat camera;
   camera.autopilot = mavlink::Heartbeat::kNone;
   flight.hear(camera);
-  EXPECT_TRUE(flight.node.report().armed());
+  EXPECT_TRUE(flight.node.report().controller.armed());
 }
 
 TEST(BridgeLog, TellsWhetherAttitudesCanBeTold) {

@@ -8,7 +8,9 @@
 namespace swarm::test {
 namespace {
 
+using sogm_swarm::flight_status_t;
 using sogm_swarm::goal_t;
+using sogm_swarm::order_t;
 using sogm_swarm::planner_status_t;
 using Progress = GoalNode::Progress;
 
@@ -30,8 +32,8 @@ TEST(GoalOrder, OnePlaceOfOneRobot) {
 
 TEST(GoalOrder, PlacesOfSeveralRobots) {
   const GoalOptions options{.tolerance_m = 0.3, .speed_mps = 0.5, .wait_s = 2.0, .times = 2};
-  const auto orders = read_orders({"0", "1,2,3", "-4,.5,6", "12", "hold", "3", "0,0,1"}, options);
-  ASSERT_EQ(orders.size(), 3u);
+  const auto orders = read_orders({"0", "1,2,3", "-4,.5,6", "12,4", "take-off", "3", "0,0,1"}, options);
+  ASSERT_EQ(orders.size(), 4u);
   const auto at = [](double x, double y, double z) {
     return Waypoint{.position = {x, y, z}, .tolerance_m = 0.3, .speed_mps = 0.5, .wait = 2s};
   };
@@ -39,11 +41,19 @@ TEST(GoalOrder, PlacesOfSeveralRobots) {
   EXPECT_EQ(orders[0].mission, (Mission{at(1, 2, 3), at(-4, 0.5, 6), at(1, 2, 3), at(-4, 0.5, 6)}));
   EXPECT_EQ(orders[1].robot_id, 12);
   EXPECT_TRUE(orders[1].mission.empty());
-  EXPECT_EQ(orders[2].mission, (Mission{at(0, 0, 1), at(0, 0, 1)}));
+  EXPECT_EQ(orders[1].order, order_t::kTakeOff);
+  EXPECT_EQ(orders[1].height_m, 1.5);
+  EXPECT_EQ(orders[2].robot_id, 4);
+  EXPECT_EQ(orders[2].order, order_t::kTakeOff);
+  EXPECT_EQ(orders[3].order, std::nullopt);
+  EXPECT_EQ(orders[3].mission, (Mission{at(0, 0, 1), at(0, 0, 1)}));
 }
 
 TEST(GoalOrder, WhatMakesNoSenseIsNamed) {
   EXPECT_EQ(refusal_of({}).find("nothing to do: must be ROBOT X Y Z"), 0u);
+  EXPECT_EQ(refusal_of({"1,2", "0,0,1"}), "robots '1,2': must not go to the same place");
+  EXPECT_EQ(refusal_of({"1,1", "land"}), "robot '1': must be named once");
+  EXPECT_EQ(refusal_of({"1", "jump"}).find("robot '1' has no place: must be ROBOT X Y Z"), 0u);
   EXPECT_EQ(refusal_of({"x", "1,2,3"}), "robot 'x': must be an id within [0, 32767]");
   EXPECT_EQ(refusal_of({"32768", "hold"}), "robot '32768': must be an id within [0, 32767]");
   EXPECT_EQ(refusal_of({"1", "hold", "1", "1,2,3"}), "robot '1': must be named once");
@@ -56,7 +66,10 @@ TEST(GoalOrder, WhatMakesNoSenseIsNamed) {
               "place '" + std::string(place) + "': must be X,Y,Z, each within [-100000, 100000] m");
   }
   EXPECT_EQ(refusal_of({"1", "2", "3", "z"}), "place '2,3,z': must be X,Y,Z, each within [-100000, 100000] m");
-  EXPECT_EQ(refusal_of({"1", "2,3,4", "hold"}), "robot 'hold': must be an id within [0, 32767]");
+  EXPECT_EQ(refusal_of({"1", "2,3,4", "hold"}),
+            "robot '1' has no place: must be ROBOT X Y Z, or for each robot ROBOT X,Y,Z [X,Y,Z...] or ROBOT[,ROBOT...] "
+            "ORDER, "
+            "which is take-off, hold, fly, home, land or emergency");
   EXPECT_EQ(refusal_of({"1", "1,2,3", "4,5,6"}, {.times = 501}), "robot '1': 1002 places; at most 1000");
 }
 
@@ -71,6 +84,15 @@ class GoalNodeTest : public testing::Test {
     status.state = state;
     status.waypoint = waypoint;
     told.send(channel::kPlannerStatus, status);
+  }
+  void hear_flight(Operator& told, std::int16_t state, std::int32_t order_boot,
+                   std::int16_t verdict = flight_status_t::kAccepted) {
+    flight_status_t status{};
+    status.header = make_header(5, 1, next_++, told.now);
+    status.state = state;
+    status.order_boot = order_boot;
+    status.verdict = verdict;
+    told.send(channel::kFlightStatus, status);
   }
   void hear_state(Operator& told, const Eigen::Vector3d& position, int robot = 5) {
     told.send(channel::kRobotState, state_at(robot, position, next_++, told.now));
@@ -119,18 +141,46 @@ TEST_F(GoalNodeTest, OldStatusesAreNoAnswer) {
   EXPECT_EQ(told.node.progress(), Progress::kFlies);
 }
 
-TEST_F(GoalNodeTest, ToHoldIsToStayWhereItIs) {
-  Operator told(order({"5", "hold"}), 9);
-  told.run_for(1.0);
-  EXPECT_EQ(told.out.count(channel::kGoal), 0);
-  hear_state(told, {9, 9, 9}, 6);
-  EXPECT_EQ(told.out.count(channel::kGoal), 0);
-  hear_state(told, {1.00049, -2.0006, 3});
-  ASSERT_EQ(told.out.count(channel::kGoal), 1);
-  EXPECT_EQ(mission_of(told.out.newest<goal_t>(channel::kGoal)), Mission(1, Waypoint{.position = {1, -2.001, 3}}));
-  hear_state(told, {1.1, -2, 3});
+TEST_F(GoalNodeTest, OrdersUntilItIsKnownAndLooksForItsEnd) {
+  Operator told(order({"5", "land"}), 9);
   told.run_for(0.5);
-  EXPECT_EQ(mission_of(told.out.newest<goal_t>(channel::kGoal)), Mission(1, Waypoint{.position = {1, -2.001, 3}}));
+  EXPECT_EQ(told.out.count(channel::kFlightOrder), 3);
+  EXPECT_EQ(told.out.count(channel::kGoal), 0);
+  EXPECT_EQ(told.out.newest<order_t>(channel::kFlightOrder).order, order_t::kLand);
+  hear_flight(told, flight_status_t::kFlying, -1);
+  EXPECT_EQ(told.node.progress(), Progress::kSilent) << "it does not know of the order";
+  hear_flight(told, flight_status_t::kLanding, 9);
+  EXPECT_EQ(told.node.progress(), Progress::kFlies);
+  told.run_for(1.0);
+  EXPECT_EQ(told.out.count(channel::kFlightOrder), 3) << "it knows";
+  hear_flight(told, flight_status_t::kOnGround, 9);
+  EXPECT_EQ(told.node.progress(), Progress::kArrived);
+}
+
+TEST_F(GoalNodeTest, WhatIsNotObeyedIsSaid) {
+  Operator told(order({"5", "take-off"}), 9);
+  EXPECT_EQ(told.out.newest<order_t>(channel::kFlightOrder).height, 1.5);
+  hear_flight(told, flight_status_t::kOnGround, 9, flight_status_t::kNoVehicle);
+  EXPECT_EQ(told.node.progress(), Progress::kRefused);
+  Operator other(order({"5", "take-off"}), 9);
+  hear_flight(other, flight_status_t::kTakeOff, 9);
+  EXPECT_EQ(other.node.progress(), Progress::kFlies);
+  hear_flight(other, flight_status_t::kOnGround, 9);
+  EXPECT_EQ(other.node.progress(), Progress::kRefused) << "it gave up";
+}
+
+TEST_F(GoalNodeTest, WhoIsSentSomewhereFliesThere) {
+  Operator told(order({"5", "1,0,1"}), 9);
+  hear_flight(told, flight_status_t::kOnGround, -1);
+  EXPECT_EQ(told.node.progress(), Progress::kOnGround);
+  told.run_for(1.0);
+  EXPECT_EQ(told.out.count(channel::kFlightOrder), 0) << "nobody takes off by it";
+  hear_flight(told, flight_status_t::kHold, -1);
+  told.run_for(0.3);
+  ASSERT_GE(told.out.count(channel::kFlightOrder), 1);
+  EXPECT_EQ(told.out.newest<order_t>(channel::kFlightOrder).order, order_t::kFly);
+  hear_flight(told, flight_status_t::kFlying, 9);
+  EXPECT_EQ(told.node.progress(), Progress::kSilent) << "its planner has not answered";
 }
 
 }  // namespace

@@ -45,6 +45,17 @@ std::vector<std::uint32_t> fields(const Message& message) {
     add(m->time_boot_ms, m->target_system, m->target_component, m->type_mask);
     add_all(m->turn), add_all(m->rates), add_float(m->thrust);
   }
+  if (const auto* const m = std::get_if<CommandLong>(&message)) {
+    add(m->command, m->target_system, m->target_component, m->confirmation);
+    add_all(m->parameters);
+  }
+  if (const auto* const m = std::get_if<CommandAck>(&message)) add(m->command, m->result);
+  if (const auto* const m = std::get_if<ExtendedSysState>(&message)) add(m->vtol_state, m->landed_state);
+  if (const auto* const m = std::get_if<SysStatus>(&message)) {
+    add(m->sensors_present, m->sensors_enabled, m->sensors_healthy, m->load, m->voltage_mv, m->current_ca);
+    add(m->drop_rate, m->comm_errors, m->battery_percent);
+    for (const std::uint16_t count : m->errors) add(count);
+  }
   return all;
 }
 
@@ -53,7 +64,8 @@ Message random_message(Rng& rng) {
   const auto byte = [&] { return static_cast<std::uint8_t>(number()); };
   const auto real = [&] { return std::bit_cast<float>(number()); };
   const auto vector = [&] { return std::array{real(), real(), real()}; };
-  switch (uniform_int(rng, 0, 4)) {
+  const auto word = [&] { return static_cast<std::uint16_t>(number()); };
+  switch (uniform_int(rng, 0, 8)) {
     case 0: {
       Heartbeat m;
       m.custom_mode = number();
@@ -70,6 +82,24 @@ Message random_message(Rng& rng) {
       m.turn = {real(), real(), real(), real()};
       m.rates = vector(), m.thrust = real();
       m.target_system = byte(), m.target_component = byte(), m.type_mask = byte();
+      return m;
+    }
+    case 4: {
+      CommandLong m;
+      m.parameters = {real(), real(), real(), real(), real(), real(), real()};
+      m.command = word(), m.target_system = byte(), m.target_component = byte(), m.confirmation = byte();
+      return m;
+    }
+    case 5:
+      return CommandAck{word(), byte()};
+    case 6:
+      return ExtendedSysState{byte(), byte()};
+    case 7: {
+      SysStatus m;
+      m.sensors_present = number(), m.sensors_enabled = number(), m.sensors_healthy = number();
+      m.load = word(), m.voltage_mv = word(), m.current_ca = word(), m.drop_rate = word(), m.comm_errors = word();
+      m.errors = {word(), word(), word(), word()};
+      m.battery_percent = byte();
       return m;
     }
     default: {

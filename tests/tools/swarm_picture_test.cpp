@@ -6,6 +6,7 @@
 #include "tests/support/harness.h"
 #include "tests/support/random_messages.h"
 #include "tools/viewer/picture_frame.h"
+#include "tools/viewer/robot_health.h"
 
 namespace swarm::test {
 namespace {
@@ -126,6 +127,9 @@ TEST_F(Picture, ShowsTheWaypointThatIsFlownTo) {
   EXPECT_EQ(next_x(1, 1), 2.0);
   EXPECT_EQ(next_x(0, 2), 1.0);
   EXPECT_EQ(next_x(5, 3), 2.0) << "of a longer mission that was not heard";
+  status.num_waypoints = 6;
+  status.destination[0] = 7.0;
+  EXPECT_EQ(next_x(5, 4), 7.0) << "as the planner says";
 }
 
 TEST_F(Picture, SurvivesAnyValidMessage) {
@@ -141,6 +145,8 @@ TEST_F(Picture, SurvivesAnyValidMessage) {
     add(channel::kSeenSpace, random_messages::make<sogm_t>(random, i % 40));
     add(channel::kDepthImage, random_messages::make<depth_image_t>(random, i % 40));
     add(channel::kLidarScan, random_messages::make<lidar_scan_t>(random, i % 40));
+    add(channel::kFlightStatus, random_messages::make<flight_status_t>(random, i % 40));
+    add(channel::kVehicleStatus, random_messages::make<vehicle_status_t>(random, i % 40));
     add(channel::kPerceptionStatus, random_messages::make<perception_status_t>(random, i % 40));
     add(channel::kGoal, random_messages::make<goal_t>(random, i % 40));
   }
@@ -152,6 +158,48 @@ TEST_F(Picture, SurvivesAnyValidMessage) {
     EXPECT_NO_THROW(corridors_json(robot, &writer));
     EXPECT_NO_THROW(scans_json(robot, now_, &writer));
   }
+}
+
+// What an operator is told of a robot.
+TEST_F(Picture, SaysWhatARobotIsAboutAndWhatIsAmiss) {
+  std::int64_t seq = 0;
+  const auto say = [&](const char* channel, auto message) {
+    message.header = make_header(0, 1, seq++, now_);
+    ASSERT_EQ(add(channel, message), Refusal::kNone);
+  };
+  const auto robot = [&]() -> const RobotPicture& { return picture_.robots().at(0); };
+  planner_status_t planner{};
+  planner.state = planner_status_t::kNoGoal;
+  say(channel::kPlannerStatus, planner);
+  EXPECT_EQ(activity_of(robot()), "keeps its place");
+  EXPECT_EQ(trouble_of(robot(), now_), "no goal");
+  planner.state = planner_status_t::kPlanning;
+  planner.waypoint = 1, planner.num_waypoints = 3, planner.destination[0] = 2.5;
+  say(channel::kPlannerStatus, planner);
+  EXPECT_EQ(activity_of(robot()), "flying to [2.5,0,0] (2 of 3)");
+  EXPECT_EQ(trouble_of(robot(), now_), "");
+  flight_status_t flight{};
+  flight.state = flight_status_t::kHome, flight.cause = flight_status_t::kBattery, flight.order_boot = -1;
+  say(channel::kFlightStatus, flight);
+  EXPECT_EQ(activity_of(robot()), "flying home: the battery is low");
+  vehicle_status_t vehicle{};
+  vehicle.battery = 0.15f;
+  say(channel::kVehicleStatus, vehicle);
+  EXPECT_EQ(trouble_of(robot(), now_), "the battery is low");
+  broadcast_status_t broadcast{};
+  broadcast.state = broadcast_status_t::kWaiting;
+  say(channel::kBroadcastStatus, broadcast);
+  EXPECT_EQ(trouble_of(robot(), now_), "waiting for a peer");
+  planner.state = planner_status_t::kNotLed;
+  flight.state = flight_status_t::kOnGround, flight.cause = flight_status_t::kVehicle;
+  broadcast.state = broadcast_status_t::kFlying, vehicle.battery = -1.0f;
+  say(channel::kPlannerStatus, planner);
+  say(channel::kFlightStatus, flight);
+  say(channel::kBroadcastStatus, broadcast);
+  say(channel::kVehicleStatus, vehicle);
+  EXPECT_EQ(activity_of(robot()), "on the ground");
+  EXPECT_EQ(trouble_of(robot(), now_), "");
+  EXPECT_EQ(trouble_of(robot(), now_ + 3s), "planner daemon silent");
 }
 
 TEST_F(Picture, MergesWhatRobotsSayOfObstacles) {

@@ -26,14 +26,28 @@ const char* describe(LedBy led_by) {
 }
 
 std::string mode_of(const BridgeReport& bridge) {
-  const char* const mode = bridge.led_mode();
-  return mode != nullptr ? mode : fmt::format("mode {:#x}", bridge.heartbeat.custom_mode);
+  const char* const mode = bridge.controller.led_mode();
+  return mode != nullptr ? mode : fmt::format("mode {:#x}", bridge.controller.heartbeat.custom_mode);
+}
+
+std::string name_of(std::uint16_t command) {
+  using mavlink::CommandLong;
+  switch (command) {
+    case CommandLong::kTakeOff:
+      return "to take off";
+    case CommandLong::kSetMode:
+      return "to switch to the mode in which it is led";
+    case CommandLong::kArm:
+      return "to arm or disarm";
+    default:
+      return fmt::format("command {}", command);
+  }
 }
 
 std::string summary(Utime now, const BridgeReport& bridge, const LinkReport& link, const mavlink::Parser& parser) {
   const std::string controller = bridge.heard_utime
                                      ? fmt::format("{:.1f} s ago, {}, {}", to_seconds(now - *bridge.heard_utime),
-                                                   bridge.armed() ? "armed" : "disarmed", mode_of(bridge))
+                                                   bridge.controller.armed() ? "armed" : "disarmed", mode_of(bridge))
                                      : "never";
   return fmt::format(
       "{}; controller heard {}; out: {} frames ({} dropped), {} setpoints ({} late), {} of the trajectory; in: {} "
@@ -58,13 +72,15 @@ std::vector<LogLine> BridgeLog::update(Utime now, const BridgeReport& bridge, co
   current.peer = link.peer;
   current.lost = link.lost;
   current.heard = bridge.heard_utime && now - *bridge.heard_utime < kSilence;
-  current.armed = bridge.armed();
+  current.armed = bridge.controller.armed();
   current.mode = bridge.heard_utime ? mode_of(bridge) : "";
   current.version_1 = parser.skipped(mavlink::Skipped::kMavlink1) > 0;
   current.led_by = bridge.led_by;
   current.off = bridge.off_m > (seen_.off ? kNear_m : kOff_m);
   current.restarts = bridge.restarts;
   current.blind = bridge.blind;
+  current.told = bridge.told;
+  current.answered = bridge.answered;
 
   std::vector<LogLine> lines;
   const auto add = [&lines](bool warning, std::string_view text) { add_line(&lines, warning, text); };
@@ -84,6 +100,13 @@ std::vector<LogLine> BridgeLog::update(Utime now, const BridgeReport& bridge, co
   if (current.led_by != seen_.led_by) {
     const bool good = current.led_by == LedBy::kNone || current.led_by == LedBy::kSetpoints;
     add(!good, describe(current.led_by));
+  }
+  if (current.told && current.told != seen_.told) add(false, "the controller is told " + name_of(*current.told));
+  const bool refuses = current.answered && *current.answered != mavlink::CommandAck::kAccepted &&
+                       *current.answered != mavlink::CommandAck::kInProgress;
+  if (refuses && current.answered != seen_.answered) {
+    add(true, fmt::format("the controller refuses {} (MAV_RESULT {}): its own messages say why", name_of(*current.told),
+                          *current.answered));
   }
   if (current.blind != seen_.blind)
     add(current.blind, current.blind ? "no state of the robot: the controller is told positions in place of attitudes"

@@ -25,6 +25,8 @@ class BridgeLog {
     std::string peer, mode;
     LedBy led_by = LedBy::kNone;
     std::int64_t restarts = 0, lost = 0;
+    std::optional<std::uint16_t> told;
+    std::optional<std::uint8_t> answered;
   };
 
   Seen seen_;

@@ -18,8 +18,11 @@ constexpr Duration kSamplePeriod = 10ms;
 constexpr Duration kAnnouncementAge = 1s;
 constexpr Duration kRest = 1s;  // how long the place of rest is sent after all has ended
 constexpr Duration kAttitudeAge = 500ms;
-constexpr Duration kStateAge = 200ms;       // older than this by more than its usual delay, a state leads nobody
-constexpr std::int32_t kRestart_ms = 1000;  // no message is that late
+constexpr Duration kStateAge = 200ms;  // older than this by more than its usual delay, a state leads nobody
+constexpr Duration kVehiclePeriod = 200ms, kVehicleAge = 3s;  // of what is told of the vehicle; of what is known
+constexpr Duration kFlightAge = 3s;                           // of the newest flight status
+constexpr double kFollowable_m = 1.0;                         // a vehicle farther from its target is not made to follow
+constexpr std::int32_t kRestart_ms = 1000;                    // no message is that late
 
 // False for NaN.
 bool within(const Eigen::Vector3d& values, double bound) {
@@ -60,6 +63,9 @@ void declare(OptionSet& options, BridgeConfig& config) {
   options.add("tilt-max", &config.gains.tilt_max_deg, 5, 70, "deg", "of the thrust to the vertical at most");
   options.add("state-delay", &config.state_delay_s, 0, 1, "s", "from a state's measurement to its arrival here");
   options.add("publish-state", &config.publish_state, "publish ROBOT_STATE; false: somebody else does");
+  options.add(
+      "arms", &config.arms,
+      "arms the vehicle, switches its mode, takes off and disarms, as FLIGHT_STATUS demands; false: a pilot does");
   options.add("timeout", &config.timeout_s, 0.1, 60, "s",
               "without setpoint and announcement: then the committed trajectory is flown to its end, and no further");
   options.add("clock-limit", &config.clock_limit_s, 0.001, 10, "s",
@@ -72,19 +78,6 @@ mavlink::Sender bridge_of(const BridgeConfig& config) {
 
 mavlink::Sender controller_of(const BridgeConfig& config) {
   return {to_byte(config.target_system), to_byte(config.target_component)};
-}
-
-const char* BridgeReport::led_mode() const {
-  const std::uint32_t mode = heartbeat.custom_mode;
-  if (heartbeat.autopilot == mavlink::Heartbeat::kPx4 && (mode >> 16 & 0xFF) == 6) return "offboard mode";
-  if (heartbeat.autopilot == mavlink::Heartbeat::kArdupilot && mode == 4) return "guided mode";
-  return nullptr;
-}
-
-bool BridgeReport::obeys() const {
-  const bool is_known =
-      heartbeat.autopilot == mavlink::Heartbeat::kPx4 || heartbeat.autopilot == mavlink::Heartbeat::kArdupilot;
-  return armed() && (!is_known || led_mode() != nullptr);
 }
 
 const char* to_string(StateRefusal reason) {
@@ -105,10 +98,13 @@ BridgeNode::BridgeNode(const BridgeConfig& config, std::int32_t boot, FrameSink 
       frame_(config.north_rad, config.origin),
       encoder_(bridge_of(config)),
       state_headers_(config.robot_id, boot),
+      vehicle_headers_(config.robot_id, boot),
       position_controller_(config.gains) {}
 
 std::vector<Subscription> BridgeNode::subscriptions() const {
-  return {{BusId::kOnboard, channel::kSetpoint}, {BusId::kOnboard, channel::kOwnTrajectory}};
+  return {{BusId::kOnboard, channel::kSetpoint},
+          {BusId::kOnboard, channel::kOwnTrajectory},
+          {BusId::kOnboard, channel::kFlightStatus}};
 }
 
 void BridgeNode::on_message(Utime now, BusId, std::string_view channel, std::span<const std::uint8_t> bytes, Outbox&) {
@@ -118,6 +114,8 @@ void BridgeNode::on_message(Utime now, BusId, std::string_view channel, std::spa
     refusal = on_setpoint(now, bytes);
   } else if (channel == channel::kOwnTrajectory) {
     refusal = on_announcement(now, bytes);
+  } else if (channel == channel::kFlightStatus) {
+    refusal = on_flight_status(now, bytes);
   }
   if (refusal != Refusal::kNone) report_.refused.count(refusal);
 }
@@ -164,17 +162,37 @@ Refusal BridgeNode::on_announcement(Utime now, std::span<const std::uint8_t> byt
   return Refusal::kNone;
 }
 
+Refusal BridgeNode::on_flight_status(Utime now, std::span<const std::uint8_t> bytes) {
+  sogm_swarm::flight_status_t message;
+  const Refusal refusal = receive(bytes, FromRobot{config_.robot_id}, window(now, kFlightAge), flight_gate_, &message);
+  if (refusal != Refusal::kNone) return refusal;
+  flight_ = message;
+  flight_heard_ = now;
+  return Refusal::kNone;
+}
+
 void BridgeNode::on_frame(Utime now, const mavlink::Message& message, Outbox& outbox) {
   follow_clock(now);
   if (const auto* const heartbeat = std::get_if<mavlink::Heartbeat>(&message)) on_controller(now, *heartbeat);
   if (const auto* const attitude = std::get_if<mavlink::Attitude>(&message)) on_controller(now, *attitude);
   if (const auto* const local = std::get_if<mavlink::LocalPositionNed>(&message)) on_controller(now, *local, outbox);
+  if (const auto* const state = std::get_if<mavlink::ExtendedSysState>(&message)) {
+    has_vehicle_news_ |= report_.controller.landed_state != state->landed_state;
+    report_.controller.landed_state = state->landed_state;
+  }
+  if (const auto* const status = std::get_if<mavlink::SysStatus>(&message))
+    battery_ = status->battery_percent <= 100 ? static_cast<float>(status->battery_percent) / 100.0f : -1.0f;
+  if (const auto* const ack = std::get_if<mavlink::CommandAck>(&message);
+      ack != nullptr && report_.told == ack->command)
+    report_.answered = ack->result;
 }
 
 void BridgeNode::on_controller(Utime now, const mavlink::Heartbeat& heartbeat) {
   if (heartbeat.autopilot == mavlink::Heartbeat::kNone) return;  // a camera, say
   report_.heard_utime = now;
-  report_.heartbeat = heartbeat;
+  const bool armed = report_.controller.armed(), obeys = report_.controller.obeys();
+  report_.controller.heartbeat = heartbeat;
+  has_vehicle_news_ |= armed != report_.controller.armed() || obeys != report_.controller.obeys();
 }
 
 void BridgeNode::on_controller(Utime now, const mavlink::Attitude& attitude) {
@@ -234,7 +252,7 @@ bool BridgeNode::pass(BootClock* clock, std::uint32_t time_ms) {
   return true;
 }
 
-Utime BridgeNode::step(Utime now, Outbox&) {
+Utime BridgeNode::step(Utime now, Outbox& outbox) {
   follow_clock(now);
   if (now >= heartbeat_.due(now, kHeartbeatPeriod)) {
     mavlink::Heartbeat heartbeat;
@@ -244,7 +262,38 @@ Utime BridgeNode::step(Utime now, Outbox&) {
     send(heartbeat);
     heartbeat_.done(now);
   }
-  return std::max(now + 1us, std::min(heartbeat_.due(now, kHeartbeatPeriod), guide(now)));
+  command(now);
+  publish_vehicle(now, outbox);
+  const Utime wake = report_.heard_utime ? vehicle_.due(now, kVehiclePeriod) : kNever;
+  return std::max(now + 1us, std::min({heartbeat_.due(now, kHeartbeatPeriod), wake, guide(now)}));
+}
+
+void BridgeNode::command(Utime now) {
+  const bool is_there = report_.heard_utime && now - *report_.heard_utime <= kVehicleAge;
+  if (!config_.arms || !is_there || !flight_ || now - flight_heard_ > kFlightAge) return;
+  const bool is_followable =
+      report_.led_by == LedBy::kSetpoints && target_ && state_utime_ && report_.off_m <= kFollowable_m;
+  std::optional<mavlink::CommandLong> order = orders_.next(now, report_.controller, *flight_, is_followable);
+  if (!order) return;
+  order->target_system = to_byte(config_.target_system);
+  order->target_component = to_byte(config_.target_component);
+  if (report_.told != order->command) report_.answered.reset();
+  report_.told = order->command;
+  send(*order);
+}
+
+void BridgeNode::publish_vehicle(Utime now, Outbox& outbox) {
+  const bool is_there = report_.heard_utime && now - *report_.heard_utime <= kVehicleAge;
+  if (!is_there || (now < vehicle_.due(now, kVehiclePeriod) && !has_vehicle_news_)) return;
+  sogm_swarm::vehicle_status_t vehicle{};
+  vehicle.header = vehicle_headers_.next(now);
+  vehicle.armed = report_.controller.armed() ? 1 : 0;
+  vehicle.obeys = report_.controller.obeys() ? 1 : 0;
+  vehicle.place = report_.controller.place();
+  vehicle.battery = battery_;
+  outbox.publish(BusId::kOnboard, channel::kVehicleStatus, vehicle);
+  vehicle_.done(now);
+  has_vehicle_news_ = false;
 }
 
 bool BridgeNode::on_clock_step(Utime now, Duration step) {
@@ -271,7 +320,8 @@ void BridgeNode::follow_clock(Utime now) {
 }
 
 void BridgeNode::shift_times(Duration later) {
-  for (Utime* const time : {&now_, &setpoint_heard_, &announcement_heard_, &sent_utime_, &controlled_utime_})
+  for (Utime* const time :
+       {&now_, &setpoint_heard_, &announcement_heard_, &sent_utime_, &controlled_utime_, &flight_heard_})
     *time += later;
   for (auto* const time : {&report_.heard_utime, &attitude_heard_, &state_utime_, &start_, &asked_})
     if (*time) **time += later;
@@ -306,6 +356,11 @@ void BridgeNode::send_target(Utime utime, const MotionState& state, double yaw_r
   const auto time_ms = static_cast<std::uint32_t>(std::max(utime - *start_, Duration()) / 1ms);
   const MotionState told = fitted(state, config_.fit);
   const bool by_attitude = config_.targets == "attitude";
+  sent_utime_ = utime;
+  target_ = state.position;
+  if (flight_ && now_ - flight_heard_ <= kFlightAge && VehicleOrders::rises_by_itself(report_.controller, *flight_) &&
+      config_.arms)
+    return;
   const bool knows = state_utime_ && now_ - *state_utime_ <= kStateAge + to_duration(config_.state_delay_s);
   report_.blind = by_attitude && !knows;  // the controller may know
   if (by_attitude && knows) {
@@ -313,8 +368,6 @@ void BridgeNode::send_target(Utime utime, const MotionState& state, double yaw_r
   } else {
     send_position(time_ms, told, yaw_rad, yaw_rate);
   }
-  sent_utime_ = utime;
-  target_ = state.position;
 }
 
 void BridgeNode::send_position(std::uint32_t time_ms, const MotionState& told, double yaw_rad, double yaw_rate) {
@@ -336,7 +389,8 @@ void BridgeNode::send_attitude(std::uint32_t time_ms, const MotionState& wanted,
   heard.acceleration = wanted.acceleration;  // as far as is known
   const MotionState is = fitted(heard, {to_seconds(now_ - *state_utime_), 0.0, 0.0});
   // On the ground, or led by somebody else, what is amiss says nothing.
-  if (!report_.obeys()) position_controller_.reset();
+  if (!report_.controller.obeys() || report_.controller.place() == sogm_swarm::vehicle_status_t::kOnGround)
+    position_controller_.reset();
   const Duration since = std::clamp(now_ - controlled_utime_, Duration(), kSetpointTimeout);
   controlled_utime_ = now_;
   const Eigen::Vector3d thrust = position_controller_.thrust(wanted, told.acceleration, is, to_seconds(since));

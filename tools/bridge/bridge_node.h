@@ -20,6 +20,7 @@
 #include "tools/bridge/mavlink.h"
 #include "tools/bridge/ned_frame.h"
 #include "tools/bridge/position_controller.h"
+#include "tools/bridge/vehicle_orders.h"
 
 namespace swarm {
 
@@ -36,6 +37,7 @@ struct BridgeConfig {
   bool publish_state = true;
   double timeout_s = 0.5;      // no setpoint and no announcement for so long: the broadcast daemon is gone
   double clock_limit_s = 0.1;  // the robot's own messages from further in the future are refused
+  bool arms = true;            // and switches the mode, takes off and disarms, as the flight's state demands
 };
 
 void declare(OptionSet& options, BridgeConfig& config);
@@ -63,23 +65,19 @@ const char* to_string(StateRefusal reason);
 
 struct BridgeReport {
   LedBy led_by = LedBy::kNone;
-  std::optional<Utime> heard_utime;  // when the controller was last heard
-  mavlink::Heartbeat heartbeat;      // of the controller
-  std::int64_t setpoints = 0;        // passed on
-  std::int64_t late = 0;             // not passed on: older than what was sent already
-  std::int64_t samples = 0;          // of the committed trajectory, sent
-  bool blind = false;                // positions are sent in place of attitudes: no state of late
-  std::int64_t states = 0;           // published
-  std::int64_t restarts = 0;         // of the controller
-  double off_m = 0.0;                // how far the robot was from its target when both were known last [m]
-  RefusalCounts refused;             // messages from the bus
+  std::optional<Utime> heard_utime;   // when the controller was last heard
+  Controller controller;              // as it said then
+  std::optional<std::uint16_t> told;  // the newest command, and what the controller said to it
+  std::optional<std::uint8_t> answered;
+  std::int64_t setpoints = 0;  // passed on
+  std::int64_t late = 0;       // not passed on: older than what was sent already
+  std::int64_t samples = 0;    // of the committed trajectory, sent
+  bool blind = false;          // positions are sent in place of attitudes: no state of late
+  std::int64_t states = 0;     // published
+  std::int64_t restarts = 0;   // of the controller
+  double off_m = 0.0;          // how far the robot was from its target when both were known last [m]
+  RefusalCounts refused;       // messages from the bus
   std::array<std::int64_t, kNumStateRefusals> states_refused{};
-
-  bool armed() const { return (heartbeat.base_mode & mavlink::Heartbeat::kArmed) != 0; }
-  // Its flight mode by name if it is one in which targets are obeyed, else null; and whether they are, as far as is
-  // known.
-  const char* led_mode() const;
-  bool obeys() const;
 };
 
 class BridgeNode : public Node {
@@ -114,6 +112,7 @@ class BridgeNode : public Node {
 
   Refusal on_setpoint(Utime now, std::span<const std::uint8_t> bytes);
   Refusal on_announcement(Utime now, std::span<const std::uint8_t> bytes);
+  Refusal on_flight_status(Utime now, std::span<const std::uint8_t> bytes);
   void on_controller(Utime now, const mavlink::Heartbeat& heartbeat);
   void on_controller(Utime now, const mavlink::Attitude& attitude);
   void on_controller(Utime now, const mavlink::LocalPositionNed& local, Outbox& outbox);
@@ -125,6 +124,9 @@ class BridgeNode : public Node {
   void follow_clock(Utime now);
   void shift_times(Duration later);
   Utime guide(Utime now);
+  // Tells the controller what the flight's state demands, and the bus how the vehicle is.
+  void command(Utime now);
+  void publish_vehicle(Utime now, Outbox& outbox);
   // As fits the vehicle.
   void send_target(Utime utime, const MotionState& state, double yaw_rad, double yaw_rate);
   void send_position(std::uint32_t time_ms, const MotionState& told, double yaw_rad, double yaw_rate);
@@ -137,8 +139,8 @@ class BridgeNode : public Node {
   FrameSink sink_;
   NedFrame frame_;
   mavlink::Encoder encoder_;
-  HeaderSource state_headers_;
-  SequenceGate setpoint_gate_, announcement_gate_;
+  HeaderSource state_headers_, vehicle_headers_;
+  SequenceGate setpoint_gate_, announcement_gate_, flight_gate_;
   BridgeReport report_;
 
   std::optional<Utime> start_;
@@ -147,7 +149,12 @@ class BridgeNode : public Node {
   Utime setpoint_heard_{}, announcement_heard_{};
   Utime sent_utime_{};                     // of the newest target,
   std::optional<Eigen::Vector3d> target_;  // which is here, in W
-  Recurring sample_, heartbeat_;
+  Recurring sample_, heartbeat_, vehicle_;
+  VehicleOrders orders_;
+  std::optional<sogm_swarm::flight_status_t> flight_;  // the newest, heard
+  Utime flight_heard_{};
+  float battery_ = -1.0f;  // what is left of it; -1: not known
+  bool has_vehicle_news_ = false;
   double yaw_rad_ = 0.0;          // of the newest setpoint, in W
   std::optional<Motion> motion_;  // what the robot is bound to
 

@@ -18,7 +18,8 @@ struct Definition {
   std::uint8_t size;       // of the whole payload
 };
 // In the order of Message's alternatives.
-constexpr Definition kDefinitions[] = {{0, 50, 9}, {30, 39, 28}, {32, 185, 28}, {84, 143, 53}, {82, 49, 39}};
+constexpr Definition kDefinitions[] = {{0, 50, 9},    {30, 39, 28}, {32, 185, 28}, {84, 143, 53}, {82, 49, 39},
+                                       {76, 152, 33}, {77, 143, 3}, {245, 130, 2}, {1, 124, 31}};
 static_assert(std::size(kDefinitions) == std::variant_size_v<Message>);
 
 template <class M, class Expected>
@@ -48,6 +49,24 @@ void fields_of(M& m, Archive& a) {
   a(m.target_system), a(m.target_component), a(m.type_mask);
 }
 
+template <Is<CommandLong> M, class Archive>
+void fields_of(M& m, Archive& a) {
+  a(m.parameters), a(m.command), a(m.target_system), a(m.target_component), a(m.confirmation);
+}
+template <Is<CommandAck> M, class Archive>
+void fields_of(M& m, Archive& a) {
+  a(m.command), a(m.result);
+}
+template <Is<ExtendedSysState> M, class Archive>
+void fields_of(M& m, Archive& a) {
+  a(m.vtol_state), a(m.landed_state);
+}
+template <Is<SysStatus> M, class Archive>
+void fields_of(M& m, Archive& a) {
+  a(m.sensors_present), a(m.sensors_enabled), a(m.sensors_healthy), a(m.load), a(m.voltage_mv), a(m.current_ca);
+  a(m.drop_rate), a(m.comm_errors), a(m.errors), a(m.battery_percent);
+}
+
 // Little-endian.
 class Writer {
  public:
@@ -57,9 +76,9 @@ class Writer {
     for (std::size_t i = 0; i < sizeof(value); ++i) *to_++ = static_cast<std::uint8_t>(value >> 8 * i);
   }
   void operator()(float value) { (*this)(std::bit_cast<std::uint32_t>(value)); }
-  template <std::size_t kSize>
-  void operator()(const std::array<float, kSize>& values) {
-    for (const float value : values) (*this)(value);
+  template <class Value, std::size_t kSize>
+  void operator()(const std::array<Value, kSize>& values) {
+    for (const Value value : values) (*this)(value);
   }
 
  private:
@@ -80,9 +99,9 @@ class Reader {
     (*this)(bits);
     value = std::bit_cast<float>(bits);
   }
-  template <std::size_t kSize>
-  void operator()(std::array<float, kSize>& values) {
-    for (float& value : values) (*this)(value);
+  template <class Value, std::size_t kSize>
+  void operator()(std::array<Value, kSize>& values) {
+    for (Value& value : values) (*this)(value);
   }
 
  private:
@@ -132,8 +151,16 @@ Message decode(const Definition& definition, std::span<const std::uint8_t> paylo
       return read<LocalPositionNed>(whole.data());
     case 3:
       return read<SetPositionTargetLocalNed>(whole.data());
-    default:
+    case 4:
       return read<SetAttitudeTarget>(whole.data());
+    case 5:
+      return read<CommandLong>(whole.data());
+    case 6:
+      return read<CommandAck>(whole.data());
+    case 7:
+      return read<ExtendedSysState>(whole.data());
+    default:
+      return read<SysStatus>(whole.data());
   }
 }
 

@@ -1,6 +1,6 @@
-// The part of MAVLink 2 that leads a flight controller along a trajectory: five messages, their frames on the wire, and
-// a parser that takes any bytes in any pieces (https://mavlink.io/en/guide/serialization.html; message set "common").
-// Frames are not signed.
+// The part of MAVLink 2 that leads a flight controller from the ground to the ground: nine messages, their frames on
+// the wire, and a parser that takes any bytes in any pieces (https://mavlink.io/en/guide/serialization.html; message
+// set "common"). Frames are not signed.
 #pragma once
 
 #include <array>
@@ -56,7 +56,45 @@ struct SetAttitudeTarget {
   std::uint8_t type_mask = 0;  // what is to be ignored; 0: nothing
 };
 
-using Message = std::variant<Heartbeat, Attitude, LocalPositionNed, SetPositionTargetLocalNed, SetAttitudeTarget>;
+// Do this now: `command` as the message set numbers them.
+struct CommandLong {
+  static constexpr std::uint16_t kTakeOff = 22;  // parameter 7: height over the ground [m]
+  static constexpr std::uint16_t kSetMode =
+      176;  // 1: that the mode is the autopilot's own, 2: its number, 3: PX4's submode
+  static constexpr std::uint16_t kArm = 400;  // 1: 1 arms, 0 disarms
+
+  std::array<float, 7> parameters{};
+  std::uint16_t command = 0;
+  std::uint8_t target_system = 0, target_component = 0, confirmation = 0;
+};
+
+// What became of a command: 0 it was accepted, 5 it is on its way; all else it was not.
+struct CommandAck {
+  static constexpr std::uint8_t kAccepted = 0, kInProgress = 5;
+
+  std::uint16_t command = 0;
+  std::uint8_t result = 0;
+};
+
+// Where the vehicle stands.
+struct ExtendedSysState {
+  static constexpr std::uint8_t kOnGround = 1, kInAir = 2, kTakeOff = 3, kLanding = 4;
+
+  std::uint8_t vtol_state = 0, landed_state = 0;
+};
+
+// How the autopilot is.
+struct SysStatus {
+  std::uint32_t sensors_present = 0, sensors_enabled = 0, sensors_healthy = 0;
+  std::uint16_t load = 0, voltage_mv = 0;
+  std::uint16_t current_ca = 0;  // two's complement [10 mA]
+  std::uint16_t drop_rate = 0, comm_errors = 0;
+  std::array<std::uint16_t, 4> errors{};
+  std::uint8_t battery_percent = 0xFF;  // what is left; above 100: not known
+};
+
+using Message = std::variant<Heartbeat, Attitude, LocalPositionNed, SetPositionTargetLocalNed, SetAttitudeTarget,
+                             CommandLong, CommandAck, ExtendedSysState, SysStatus>;
 
 // Who sends: a vehicle or a ground station, and its part. Component 0 stands for every component.
 struct Sender {

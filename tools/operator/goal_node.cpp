@@ -5,6 +5,8 @@
 namespace swarm {
 namespace {
 
+using sogm_swarm::flight_status_t;
+using sogm_swarm::order_t;
 using sogm_swarm::planner_status_t;
 
 constexpr Duration kAgain = 200ms;    // a message may get lost, or the planner start later
@@ -12,10 +14,25 @@ constexpr Duration kReceived = 20ms;  // a status that is so much younger than t
 constexpr Duration kMaxAge = 1s;
 constexpr Duration kClockLimit = 100ms;
 
+// The state in which an order is done.
+std::int16_t end_of(std::int16_t order) {
+  switch (order) {
+    case order_t::kFly:
+    case order_t::kTakeOff:
+      return flight_status_t::kFlying;
+    case order_t::kHold:
+      return flight_status_t::kHold;
+    default:
+      return flight_status_t::kOnGround;
+  }
+}
+
 }  // namespace
 
 std::vector<Subscription> GoalNode::subscriptions() const {
-  return {{BusId::kOnboard, channel::kRobotState}, {BusId::kOnboard, channel::kPlannerStatus}};
+  return {{BusId::kOnboard, channel::kRobotState},
+          {BusId::kOnboard, channel::kPlannerStatus},
+          {BusId::kOnboard, channel::kFlightStatus}};
 }
 
 void GoalNode::on_message(Utime now, BusId, std::string_view channel, std::span<const std::uint8_t> bytes, Outbox&) {
@@ -25,8 +42,11 @@ void GoalNode::on_message(Utime now, BusId, std::string_view channel, std::span<
     sogm_swarm::robot_state_t state;
     if (receive(bytes, from, window, state_gate_, &state) != Refusal::kNone) return;
     position_ = Eigen::Vector3d(state.position);
-    const Eigen::Vector3d here = (position_->array() * 1e3).round() / 1e3;  // a number that can be read
-    if (order_.mission.empty()) order_.mission.push_back({.position = here});
+  } else if (channel == channel::kFlightStatus) {
+    flight_status_t status;
+    if (receive(bytes, from, window, flight_gate_, &status) != Refusal::kNone) return;
+    flight_ = status;
+    if (status.order_boot == boot_) flight_answers_ = true;
   } else {
     planner_status_t status;
     if (receive(bytes, from, window, status_gate_, &status) != Refusal::kNone) return;
@@ -36,18 +56,45 @@ void GoalNode::on_message(Utime now, BusId, std::string_view channel, std::span<
 }
 
 Utime GoalNode::step(Utime now, Outbox& outbox) {
-  if (order_.mission.empty()) return now + kAgain;
   if (now >= told_again_.due(now, kAgain)) {
-    sogm_swarm::goal_t goal = to_goal(order_.mission);
-    goal.header = headers_.next(now);
-    outbox.publish(BusId::kOnboard, channel::kGoal, goal);
-    if (!told_) told_ = now;
+    if (order_.order) {
+      if (!flight_answers_) order(now, *order_.order, outbox);
+    } else {
+      sogm_swarm::goal_t goal = to_goal(order_.mission);
+      goal.header = headers_.next(now);
+      outbox.publish(BusId::kOnboard, channel::kGoal, goal);
+      // It may hold its place, or be on its way home: who sends it somewhere wants it to go there.
+      const bool is_elsewhere = flight_ && flight_->state != flight_status_t::kFlying &&
+                                flight_->state != flight_status_t::kOnGround &&
+                                flight_->state != flight_status_t::kTakeOff;
+      if (is_elsewhere && !flight_answers_) order(now, order_t::kFly, outbox);
+      if (!told_) told_ = now;
+    }
     told_again_.done(now);
   }
   return std::max(told_again_.due(now, kAgain), now + 1us);
 }
 
+void GoalNode::order(Utime now, std::int16_t order, Outbox& outbox) {
+  order_t message{};
+  message.header = order_headers_.next(now);
+  message.order = order;
+  message.height = order == order_t::kTakeOff ? order_.height_m : 0.0;
+  outbox.publish(BusId::kOnboard, channel::kFlightOrder, message);
+}
+
+GoalNode::Progress GoalNode::progress_of_order() const {
+  if (!flight_answers_) return Progress::kSilent;
+  if (flight_->order_boot == boot_ && flight_->verdict != flight_status_t::kAccepted) return Progress::kRefused;
+  if (flight_->state == end_of(*order_.order)) return Progress::kArrived;
+  // It did not get there.
+  const bool gave_up = flight_->state == flight_status_t::kOnGround;
+  return gave_up ? Progress::kRefused : Progress::kFlies;
+}
+
 GoalNode::Progress GoalNode::progress() const {
+  if (order_.order) return progress_of_order();
+  if (flight_ && flight_->state == flight_status_t::kOnGround) return Progress::kOnGround;
   if (!status_) return Progress::kSilent;
   if (status_->state == planner_status_t::kUnreachable) return Progress::kUnreachable;
   if (status_->state != planner_status_t::kPlanning) return Progress::kWaits;

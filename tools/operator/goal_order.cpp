@@ -1,6 +1,7 @@
 #include "tools/operator/goal_order.h"
 
 #include <algorithm>
+#include <iterator>
 #include <set>
 
 #include "lcmtypes/bus/text.h"
@@ -9,7 +10,12 @@ namespace swarm {
 namespace {
 
 constexpr double kFarthest_m = 1e5;  // goal_t
-constexpr char kRule[] = "must be ROBOT X Y Z, or ROBOT X,Y,Z [X,Y,Z...] or ROBOT hold, for each robot";
+constexpr char kRule[] =
+    "must be ROBOT X Y Z, or for each robot ROBOT X,Y,Z [X,Y,Z...] or ROBOT[,ROBOT...] ORDER, which is take-off, hold, "
+    "fly, "
+    "home, land or emergency";
+// In the order of order_t's numbers.
+constexpr const char* kOrders[] = {"fly", "hold", "take-off", "home", "land", "emergency"};
 
 bool is_place(const std::string& word) {
   return word.find(',') != std::string::npos;
@@ -43,28 +49,52 @@ Waypoint waypoint_at(const Eigen::Vector3d& position, const GoalOptions& options
 
 }  // namespace
 
+const char* name_of_order(std::int16_t order) {
+  return order >= 0 && order < std::ssize(kOrders) ? kOrders[order] : "?";
+}
+
+std::optional<std::int16_t> find_order(const std::string& name) {
+  const auto* const found = std::ranges::find(kOrders, name);
+  if (found == std::end(kOrders)) return std::nullopt;
+  return static_cast<std::int16_t>(found - kOrders);
+}
+
 std::vector<GoalOrder> read_orders(const std::vector<std::string>& words, const GoalOptions& options) {
-  const bool is_one_place = words.size() == 4 && std::ranges::none_of(words, is_place) && words[1] != "hold";
+  const bool is_one_place = words.size() == 4 && std::ranges::none_of(words, is_place) && !find_order(words[1]);
   if (is_one_place) return read_orders({words[0], words[1] + "," + words[2] + "," + words[3]}, options);
   std::vector<GoalOrder> orders;
-  std::set<int> robots;
+  std::set<int> named;
   for (auto word = words.begin(); word != words.end();) {
-    GoalOrder order{read_robot(*word), {}};
-    if (!robots.insert(order.robot_id).second) throw OptionError("robot '" + *word + "': must be named once");
-    const auto first = ++word;
-    while (word != words.end() && is_place(*word))
-      order.mission.push_back(waypoint_at(read_place(*word), options)), ++word;
-    const bool holds = word == first && word != words.end() && *word == "hold";
-    if (word == first && !holds) throw OptionError("robot '" + *(first - 1) + "' has no place: " + kRule);
-    if (holds) ++word;
+    std::vector<int> robots;
+    for (const std::string& one : split(*word, ',')) {
+      robots.push_back(read_robot(one));
+      if (!named.insert(robots.back()).second) throw OptionError("robot '" + one + "': must be named once");
+    }
+    const std::string first = *word++;
+    GoalOrder order;
+    if (word != words.end()) order.order = find_order(*word);
+    if (order.order) {
+      if (order.order == sogm_swarm::order_t::kTakeOff) order.height_m = options.height_m;
+      ++word;
+    } else {
+      // Commas may also name the next robots, which an order follows.
+      const auto names_robots = [&](auto at) { return std::next(at) != words.end() && find_order(*std::next(at)); };
+      while (word != words.end() && is_place(*word) && !names_robots(word))
+        order.mission.push_back(waypoint_at(read_place(*word), options)), ++word;
+      if (order.mission.empty()) throw OptionError("robot '" + first + "' has no place: " + kRule);
+      if (robots.size() > 1) throw OptionError("robots '" + first + "': must not go to the same place");
+    }
     const Mission once = order.mission;
     for (int time = 1; time < options.times; ++time)
       order.mission.insert(order.mission.end(), once.begin(), once.end());
     if (std::ssize(order.mission) > sogm_swarm::goal_t::kMaxWaypoints) {
-      throw OptionError("robot '" + *(first - 1) + "': " + std::to_string(order.mission.size()) + " places; at most " +
+      throw OptionError("robot '" + first + "': " + std::to_string(order.mission.size()) + " places; at most " +
                         std::to_string(sogm_swarm::goal_t::kMaxWaypoints));
     }
-    orders.push_back(std::move(order));
+    for (const int robot : robots) {
+      orders.push_back(order);
+      orders.back().robot_id = robot;
+    }
   }
   if (orders.empty()) throw OptionError(std::string("nothing to do: ") + kRule);
   return orders;

@@ -6,14 +6,16 @@
 #include "lcmtypes/bus/boot.h"
 #include "lcmtypes/bus/channels.h"
 #include "lcmtypes/bus/header_source.h"
+#include "lcmtypes/bus/limits.h"
 #include "lcmtypes/bus/recurring.h"
 #include "planner_daemon/trajectory/mission.h"
+#include "tools/operator/goal_order.h"
 
 namespace swarm {
 namespace {
 
 constexpr Duration kStep = 50ms;
-constexpr int kRepeatGoal = 5;          // times, for a bus may lose it
+constexpr int kRepeat = 5;              // times what is sent, for a bus may lose it
 constexpr double kOldMessages_s = 5.0;  // then the log's time is meant, not the clock's
 constexpr Duration kLately = 1s;
 
@@ -38,20 +40,21 @@ class LiveSource::Listener : public Node {
   }
 
   Utime step(Utime now, Outbox& outbox) override {
-    if (repeat_goal_ > 0 && now >= goal_sent_.due(now, kStep)) {
-      --repeat_goal_;
-      goal_sent_.done(now);
-      goal_.header = headers_->next(now);
-      outbox.publish(bus_, channel::kGoal, goal_);
-    }
+    goal_.send(now, channel::kGoal, bus_, outbox);
+    order_.send(now, channel::kFlightOrder, bus_, outbox);
     return now + kStep;
   }
 
   // The newest goal wins, by the time its sender started.
   void send_goal(const Eigen::Vector3d& position) {
-    if (!headers_) headers_.emplace(robot_, new_boot());
-    goal_ = to_goal({{position}});
-    repeat_goal_ = kRepeatGoal;
+    send_order(sogm_swarm::order_t::kFly, 0.0);  // it may hold its place
+    goal_.take(to_goal({{position}}), robot_);
+  }
+  void send_order(std::int16_t order, double height_m) {
+    sogm_swarm::order_t message{};
+    message.order = order;
+    message.height = height_m;
+    order_.take(message, robot_);
   }
 
   int robot() const { return robot_; }  // -1: the swarm bus
@@ -64,10 +67,28 @@ class LiveSource::Listener : public Node {
   int robot_;
   std::string url_;
   std::int64_t messages_ = 0;
-  std::optional<HeaderSource> headers_;
-  sogm_swarm::goal_t goal_{};
-  int repeat_goal_ = 0;
-  Recurring goal_sent_;
+
+  template <class T>
+  struct Repeated {
+    void take(const T& newest, int robot) {
+      if (!headers) headers.emplace(robot, new_boot());
+      message = newest;
+      times = kRepeat;
+    }
+    void send(Utime now, const char* channel, BusId bus, Outbox& outbox) {
+      if (times == 0 || now < sent.due(now, kStep)) return;
+      --times;
+      sent.done(now);
+      message.header = headers->next(now);
+      outbox.publish(bus, channel, message);
+    }
+    std::optional<HeaderSource> headers;
+    T message{};
+    int times = 0;
+    Recurring sent;
+  };
+  Repeated<sogm_swarm::goal_t> goal_;
+  Repeated<sogm_swarm::order_t> order_;
 };
 
 class LiveSource::View : public PictureSource {
@@ -90,6 +111,12 @@ class LiveSource::View : public PictureSource {
   }
 
   void control(const Json& command) override {
+    if (command.contains("order")) {
+      const Json& order = command["order"];
+      for (const Json& robot : order.at("robots"))
+        source_->send_order(robot.get<int>(), order.at("name").get<std::string>(), order.value("height", 0.0));
+      return;
+    }
     if (!command.contains("goal")) throw std::runtime_error("only a log can be played");
     const Json& goal = command["goal"];
     const auto position = goal.at("position").get<std::array<double, 3>>();
@@ -122,9 +149,24 @@ void LiveSource::send_goal(int robot, const Eigen::Vector3d& position) {
   if (!options_.allow_goals) throw std::runtime_error("goals are not allowed: start with --allow-goals true");
   if (!(position.array().abs() <= kMaxPosition_m).all())
     throw std::runtime_error("goal: each coordinate must be within +-1e5 m");
+  listener_of(robot, "goal").send_goal(position);
+}
+
+void LiveSource::send_order(int robot, const std::string& name, double height_m) {
+  if (!options_.allow_goals) throw std::runtime_error("orders are not allowed: start with --allow-goals true");
+  const std::optional<std::int16_t> order = find_order(name);
+  if (!order) throw std::runtime_error("order '" + name + "': must be take-off, hold, fly, home, land or emergency");
+  const bool climbs = *order == sogm_swarm::order_t::kTakeOff;
+  if (climbs && !(height_m >= kLeastClimb_m && height_m <= kMaxClimb_m))
+    throw std::runtime_error("take-off: height must be within [0.1, 100] m");
+  listener_of(robot, "order").send_order(*order, climbs ? height_m : 0.0);
+}
+
+LiveSource::Listener& LiveSource::listener_of(int robot, const char* what) {
   for (const auto& listener : listeners_)
-    if (listener->robot() == robot && robot >= 0) return listener->send_goal(position);
-  throw std::runtime_error("goal: robot " + std::to_string(robot) + "'s onboard bus is not listened to (--onboard)");
+    if (listener->robot() == robot && robot >= 0) return *listener;
+  throw std::runtime_error(std::string(what) + ": robot " + std::to_string(robot) +
+                           "'s onboard bus is not listened to (--onboard)");
 }
 
 }  // namespace swarm

@@ -15,7 +15,7 @@ class LiveSource {
     int base_port = kDefaultBasePort;         // of the swarm bus; robot k's onboard bus is this + 33 + k
     std::vector<int> onboard = {0, 1, 2, 3};  // robots whose onboard buses are on this computer
     bool replay = false;                      // messages are of another time
-    bool allow_goals = false;
+    bool allow_goals = false;                 // and orders
   };
 
   // Puts its listeners on the buses of `host`, which must outlive it. Throws what RealtimeHost::add throws.
@@ -31,6 +31,8 @@ class LiveSource {
 
   // A few times, for a bus may lose it.
   void send_goal(int robot, const Eigen::Vector3d& position);
+  void send_order(int robot, const std::string& name, double height_m);
+  Listener& listener_of(int robot, const char* what);
 
   Options options_;
   SwarmPicture picture_;

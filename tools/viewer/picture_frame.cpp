@@ -8,6 +8,7 @@
 #include "planner_daemon/coordination/commit_protocol.h"
 #include "tools/logs/polytope_faces.h"
 #include "tools/logs/sogm_surface.h"
+#include "tools/viewer/robot_health.h"
 
 namespace swarm {
 
@@ -66,10 +67,8 @@ const char* name_of(const std::array<const char*, size>& names, int value) {
 }
 
 Json planner_json(const planner_status_t& status) {
-  static constexpr std::array kStates = {"planning",          "no map", "stale map", "no goal", "nothing committed",
-                                         "no way to the goal"};
   static constexpr std::array kOutcomes = {"smooth", "raw", "unsafe"};
-  return {{"state", name_of(kStates, status.state)},
+  return {{"state", state_name(status)},
           {"outcome", name_of(kOutcomes, status.outcome)},
           {"plans", status.plans},
           {"missed", status.missed},
@@ -88,16 +87,13 @@ Json planner_json(const planner_status_t& status) {
 }
 
 Json map_json(const map_status_t& status) {
-  static constexpr std::array kStates = {"running", "no robot state", "stale robot state", "nothing seen"};
-  return {{"state", name_of(kStates, status.state)}, {"rate_hz", rounded(status.rate_hz)},
-          {"build_ms", rounded(status.build_ms)},    {"bytes", status.map_bytes},
-          {"obstacles", status.obstacles},           {"refused", refused_json(status)}};
+  return {{"state", state_name(status)}, {"rate_hz", rounded(status.rate_hz)}, {"build_ms", rounded(status.build_ms)},
+          {"bytes", status.map_bytes},   {"obstacles", status.obstacles},      {"refused", refused_json(status)}};
 }
 
 Json perception_json(const perception_status_t& status) {
-  static constexpr std::array kStates = {"running", "no scan", "its pose jumps"};
   static constexpr std::array kMapStates = {"none", "kept", "full", "not written"};
-  return {{"state", name_of(kStates, status.state)},
+  return {{"state", state_name(status)},
           {"rate_hz", rounded(status.rate_hz)},
           {"scan_ms", rounded(status.scan_ms)},
           {"points", status.points},
@@ -111,13 +107,10 @@ Json perception_json(const perception_status_t& status) {
 }
 
 Json broadcast_json(const broadcast_status_t& status) {
-  static constexpr std::array kStates = {"flying",     "no robot state", "waiting for a peer",
-                                         "no storage", "clocks differ",  "another speaks under this id",
-                                         "off course"};
   Json rejected = Json::object();
   for (int i = 1; i < kNumRejections; ++i)
     if (status.rejected[i] > 0) rejected[to_string(static_cast<Rejection>(i))] = status.rejected[i];
-  return {{"state", name_of(kStates, status.state)},
+  return {{"state", state_name(status)},
           {"candidates", status.candidates},
           {"commits", status.commits},
           {"forced", status.forced},
@@ -174,6 +167,9 @@ Json robots_json(const SwarmPicture& picture, Utime now, FrameWriter* writer) {
     if (robot.planner) json["planner"] = planner_json(*robot.planner);
     if (robot.map) json["map"] = map_json(*robot.map);
     if (robot.broadcast) json["broadcast"] = broadcast_json(*robot.broadcast);
+    if (robot.vehicle && robot.vehicle->battery >= 0.0f) json["battery"] = rounded(robot.vehicle->battery);
+    json["trouble"] = trouble_of(robot, now);
+    json["activity"] = activity_of(robot);
     if (robot.perception) json["perception"] = perception_json(*robot.perception);
     json["traffic"] = traffic_json(robot, now);
     json["has_sogm"] = robot.sogm.was_heard();

@@ -52,8 +52,9 @@ std::optional<Eigen::Vector3d> RobotPicture::position(Utime now) const {
   return state ? std::optional(Eigen::Vector3d(state->position)) : std::nullopt;
 }
 
-// What the planner says and which goal was heard last may not belong together for a moment.
+// As its planner says; before that by the goal itself.
 std::optional<Eigen::Vector3d> RobotPicture::next_goal() const {
+  if (planner && planner->num_waypoints > 0) return Eigen::Vector3d(planner->destination);
   if (!goal) return {};
   const int waypoint = std::clamp(planner ? planner->waypoint : 0, 0, goal->num_waypoints - 1);
   return Eigen::Vector3d(goal->waypoints[static_cast<std::size_t>(waypoint)].position);
@@ -107,6 +108,8 @@ Refusal SwarmPicture::take(Utime now, std::string_view channel, const T& message
   if constexpr (std::is_same_v<T, map_status_t>) robot.map = message;
   if constexpr (std::is_same_v<T, planner_status_t>) robot.planner = message;
   if constexpr (std::is_same_v<T, broadcast_status_t>) robot.broadcast = message;
+  if constexpr (std::is_same_v<T, flight_status_t>) robot.flight = message;
+  if constexpr (std::is_same_v<T, vehicle_status_t>) robot.vehicle = message;
   return Refusal::kNone;
 }
 

@@ -72,6 +72,8 @@ struct RobotPicture {
   std::optional<sogm_swarm::planner_status_t> planner;
   std::optional<sogm_swarm::broadcast_status_t> broadcast;
   std::optional<sogm_swarm::perception_status_t> perception;
+  std::optional<sogm_swarm::flight_status_t> flight;
+  std::optional<sogm_swarm::vehicle_status_t> vehicle;
   GridPicture sogm, seen_space;
   ScanPictures scans;
 

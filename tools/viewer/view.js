@@ -94,7 +94,7 @@ function describe() {
   if (frame.refused > 0) messages.push(frame.refused + " messages could not be read.");
   element("state").textContent = state + ", " + fps.toFixed(0) + " frames/s";
   element("message").textContent = messages.join(" ");
-  element("goal-row").hidden = !frame.allow_goals;
+  element("goal-row").hidden = element("order-row").hidden = !frame.allow_goals;
   element("sight-row").hidden = !frame.robots.some((robot) => robot.has_sensors);
   element("goal").textContent = settingGoal ? "Click into the scene" : "Set its goal";
   element("goal").classList.toggle("on", settingGoal);
@@ -158,26 +158,12 @@ function rows(robot) {
     if (Math.abs(broadcast.max_clock_offset_ms) > 5) all.push(["clock", broadcast.max_clock_offset_ms.toFixed(1) + " ms off", true]);
   }
   if (robot.announcement_age_s !== undefined) all.push(["announced", robot.announcement_age_s.toFixed(2) + " s ago", robot.announcement_age_s > 0.5]);
+  if (robot.battery !== undefined) all.push(["battery", (100 * robot.battery).toFixed(0) + " %", robot.battery < 0.2]);
   if (robot.speed !== undefined) all.push(["speed", robot.speed.toFixed(2) + " m/s", false]);
   for (const [daemon, status] of [["map", map], ["planner", planner], ["broadcast", broadcast], ["perception", perception]]) {
     if (status && Object.keys(status.refused).length > 0) all.push([daemon + " refused", counts(status.refused), true]);
   }
   return all;
-}
-
-// The first thing that is not as it should be.
-function health(robot) {
-  const { planner, map, broadcast, perception, traffic } = robot;
-  for (const [daemon, status, channel] of [["map", map, "MAP_STATUS"], ["planner", planner, "PLANNER_STATUS"], ["broadcast", broadcast, "BROADCAST_STATUS"],
-    ["perception", perception, "PERCEPTION_STATUS"]]) {
-    if (status && traffic[channel] && traffic[channel].age_s > 2.5) return daemon + " daemon silent";
-  }
-  if (robot.announcement_age_s > 1) return "silent for " + robot.announcement_age_s.toFixed(0) + " s";
-  if (broadcast && broadcast.state !== "flying") return broadcast.state;
-  if (perception && perception.state !== "running") return perception.state;
-  if (map && map.state !== "running") return map.state;
-  if (planner && planner.state !== "planning") return planner.state;
-  return "";
 }
 
 function describeRobot(robot) {
@@ -194,8 +180,8 @@ function describeRobot(robot) {
     const later = [...cards.keys()].filter((id) => id > robot.id).sort((a, b) => a - b)[0];
     element("robots").insertBefore(card.root, later === undefined ? null : cards.get(later).root);
   }
-  const trouble = health(robot);
-  card.health.textContent = trouble || "ok";
+  const trouble = robot.trouble;
+  card.health.textContent = trouble || robot.activity;
   card.health.classList.toggle("bad", trouble !== "");
   card.root.classList.toggle("selected", robot.id === wish.select);
   const shown = rows(robot);
@@ -237,6 +223,19 @@ scene.renderer.domElement.addEventListener("click", (event) => {
   settingGoal = false;
   describe();
 });
+
+// An order to the robot that is looked at, or to all; what cannot be taken back is asked for first.
+for (const button of element("order-row").querySelectorAll("button")) {
+  button.onclick = (event) => {
+    event.preventDefault();
+    const name = button.dataset.order, all = element("order-all").checked;
+    const robots = all ? frame.robots.map((robot) => robot.id) : [wish.select].filter((id) => id !== null);
+    if (robots.length === 0) return;
+    const whom = all ? "all robots" : "robot " + robots[0];
+    if (name === "emergency" && !window.confirm("Emergency: " + whom + " shall stop and come down where they are?")) return;
+    tell({ order: { robots: robots, name: name, height: Number(element("height").value) } });
+  };
+}
 
 // What is on the screen, for tests.
 window.shown = () => ({

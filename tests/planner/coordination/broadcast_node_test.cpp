@@ -15,7 +15,7 @@ using sogm_swarm::setpoint_t;
 TEST(BroadcastNode, HoversFromTheFirstStateOn) {
   Robot robot(1, false);
   robot.run_for(1.5);
-  EXPECT_EQ(robot.out.letters.size(), 2u);  // two statuses, nothing else
+  EXPECT_EQ(robot.out.letters.size(), 4u);  // statuses of both kinds, nothing else
   EXPECT_EQ(robot.out.newest<broadcast_status_t>(channel::kBroadcastStatus).state, broadcast_status_t::kNoState);
   auto state = state_at(1, {3, -2, 1.5}, 0, robot.now);
   state.yaw = 0.5;

@@ -52,7 +52,7 @@ TEST(PromiseStore, OneCopyIsEnough) {
   const auto promise = [&](std::int64_t seq) {
     kept.header = make_header(4, 100, seq, kStart);
     kept.committed = Trajectory::hover(3, kStart, {static_cast<double>(seq), 2, 1}).to_wire();
-    return encoded(kept);
+    return promise_bytes(kept, {});
   };
   const auto kept_x = [&] {
     FilePromiseStore store(path);
@@ -98,13 +98,18 @@ TEST(PromiseStore, AStartIsNewerThanWhatWasKept) {
   MemoryPromiseStore store;
   const auto after = [&](std::int32_t boot, int robot) {
     kept.header = make_header(robot, boot, 0, kStart);
-    EXPECT_TRUE(store.save(encoded(kept)));
+    sogm_swarm::flight_status_t flight{};
+    flight.state = sogm_swarm::flight_status_t::kHome;
+    EXPECT_TRUE(store.save(promise_bytes(kept, flight)));
     return load_promise(store, 4, 7);
   };
   EXPECT_EQ(after(100, 4).boot, 101);
   EXPECT_EQ(after(100, 4).motion->at(kStart).position, Eigen::Vector3d(1, 2, 1));
+  EXPECT_EQ(after(100, 4).flight->state, sogm_swarm::flight_status_t::kHome);
   EXPECT_EQ(after(100, 5).boot, 7);  // another robot's
   EXPECT_EQ(after(std::numeric_limits<std::int32_t>::max(), 4).boot, 7);
+  EXPECT_TRUE(store.save(encoded(kept)));
+  EXPECT_EQ(load_promise(store, 4, 7).boot, 7) << "half of it";
 }
 
 }  // namespace
