@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """One file for the swarm: makes every robot's configuration from it, starts and ends all of them, and tells them what to do.
 
-Called by tools/swarm; installed as swarm_control.
+Called by tools/swarm; installed as swarm_control. Long because what is done here and what on hosts is to be compared.
 """
 
 import json

@@ -81,7 +81,7 @@ void append(std::vector<Given>* given, const po::option& option, const std::stri
 std::vector<Given> read_command_line(const po::options_description& options, int argc, const char* const* argv) {
   std::vector<std::string> words;
   for (int i = 1; i < argc; ++i) {
-    std::string word = argv[i];
+    std::string word = argv[i] == std::string_view("-h") ? "--help" : argv[i];
     const bool empty_value = word.starts_with("--") && word.find('=') == word.size() - 1;
     if (empty_value) word.pop_back();  // "--name=", which Boost refuses, becomes "--name" ""
     words.push_back(std::move(word));
@@ -266,7 +266,7 @@ OptionSet::Parsed OptionSet::parse(int argc, const char* const* argv, std::ostre
   add_meta("config", po::value<std::string>()->value_name("file"), "read options from it: name = value  # ...");
   add_meta("print-config", "print the options in force as a config file");
   add_meta("version", "print the version");
-  add_meta("help", "print this");
+  add_meta("help", "print this; also -h");
   po::options_description all(kColumns);
   all.add(options).add(meta);
 

@@ -295,15 +295,20 @@ TEST(Options, HelpDocumentsEveryOptionWithUnitAndDefault) {
   EXPECT_EQ(run_program({"swarm_sim", "--help"}).exit_code, 0);
 }
 
-TEST(Options, EveryProgramTellsItsVersion) {
-  for (const std::string command : {"map_daemon", "planner_daemon", "broadcast_daemon", "mavlink_bridge", "mocap_input",
-                                    "swarm_view", "swarm_hear", "log_info", "lcm2mcap", "swarm_sim", "swarm_sim run",
-                                    "swarm_sim world", "swarm_sim campaign", "swarm_sim merge", "swarm_sim audit"}) {
+TEST(Options, EveryProgramTellsItsVersionAndHowItIsUsed) {
+  for (const std::string command :
+       {"map_daemon", "planner_daemon", "broadcast_daemon", "mavlink_bridge", "mocap_input", "swarm_view", "swarm_hear",
+        "swarm_goal", "swarm_status", "log_info", "lcm2mcap", "swarm_sim", "swarm_sim run", "swarm_sim world",
+        "swarm_sim campaign", "swarm_sim merge", "swarm_sim audit"}) {
     std::istringstream words(command + " --version");
     const Finished told = run_program(Words(std::istream_iterator<std::string>(words), {}));
     EXPECT_EQ(told.exit_code, 0) << command;
     EXPECT_EQ(told.err, "") << command;
     EXPECT_EQ(told.out, command.substr(0, command.find(' ')) + " " SWARM_VERSION "\n");
+    std::istringstream help_words(command + " -h");
+    const Finished help = run_program(Words(std::istream_iterator<std::string>(help_words), {}));
+    EXPECT_EQ(help.exit_code, 0) << command << help.err;
+    EXPECT_NE(help.out.find(command), help.out.npos) << help.out;
   }
 }
 

@@ -192,7 +192,8 @@ TEST(Lockstep, LogsHoldEveryMessageAndWhatWasAnnouncedIsWhatWasFlown) {
       {channel::kCorridors, expect_message<corridors_t>},
       {channel::kMapStatus, expect_message<map_status_t>},
       {channel::kPlannerStatus, expect_message<planner_status_t>},
-      {channel::kBroadcastStatus, expect_message<broadcast_status_t>}};
+      {channel::kBroadcastStatus, expect_message<broadcast_status_t>},
+      {channel::kFlightStatus, expect_message<flight_status_t>}};
   std::map<std::string, std::int64_t> counts;
   for (const WorldRobot& robot : flight.world.robots) {
     std::set<std::string> seen;
