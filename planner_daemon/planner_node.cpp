@@ -376,7 +376,7 @@ Activity PlannerNode::activity(Utime now) const {
     case planner_status_t::kNoGoal:
       return waits_for(channel::kGoal);
     case planner_status_t::kNotLed:
-      return {.text = "plans nothing: the robot stands, or goes straight up or down"};
+      return {.text = "plans nothing: the robot stands, goes straight up or down, or a pilot flies it"};
     default:
       break;
   }

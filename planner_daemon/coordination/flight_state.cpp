@@ -202,6 +202,8 @@ void FlightState::advance(Utime now, const Robot& robot) {
   if (since_ == Utime()) since_ = now;
   since_ = std::min(since_, now);  // the clock may have been set back
   if (stands_since_) stands_since_ = std::min(*stands_since_, now);
+  if (state() == Status::kHold && !is_led_by_planner() && !before_pilot_)  // a pilot had it when the daemon crashed
+    go(now, Status::kHold, Status::kVehicle, Phase::kPlanned, stop_place(now, robot));
   if (hears_vehicle(now)) follow_vehicle(now, robot);
   if (state() == Status::kOnGround) set_home(robot.measured.position);
   guard(now, robot);
@@ -215,12 +217,15 @@ void FlightState::follow_vehicle(Utime now, const Robot& robot) {
     if (!before_pilot_) {
       before_pilot_ = state();
       go(now, Status::kHold, Status::kVehicle, Phase::kPlanned, robot.measured.position);
+      status_.led_to = Status::kNowhere;
+      Eigen::Map<Eigen::Vector3d>(status_.destination).setZero();
     }
   } else if (before_pilot_ && vehicle_.obeys != 0) {
     const bool flew = std::exchange(before_pilot_, std::nullopt) == Status::kFlying;
     go(now, flew ? Status::kFlying : Status::kHold, Status::kVehicle, Phase::kPlanned, stop_place(now, robot));
   }
-  if (vehicle_.armed == 0 && state() != Status::kOnGround && !arms) {
+  const bool is_off = vehicle_.armed == 0 && vehicle_.place != vehicle_status_t::kInAir;  // else it cannot be true
+  if (is_off && state() != Status::kOnGround && !arms) {
     stand(now, Status::kVehicle);
     may_be_handed_over_ = true;
   }
@@ -302,13 +307,18 @@ double FlightState::lowest_m() const {
   return std::min(std::max(over_ground, rules_.space_min.z()), std::max(over_ground, rules_.space_max.z()));
 }
 
+bool FlightState::is_vertical() const {
+  const bool goes = state() == Status::kTakeOff || state() == Status::kLanding || state() == Status::kEmergency;
+  return goes && phase_ == Phase::kVertical;
+}
+
 bool FlightState::is_there(const Robot& robot, Utime now) const {
   return robot.motion.at(now).velocity.norm() <= kThere_mps &&
          (robot.measured.position - destination_).norm() <= kThere_m;
 }
 
 std::optional<Trajectory> FlightState::next_leg(Utime now, const Motion& motion) const {
-  if (state() == Status::kOnGround || !is_vertical() || motion.end_utime() > now) return std::nullopt;
+  if (!is_vertical() || motion.end_utime() > now) return std::nullopt;
   const Eigen::Vector3d from = motion.at(now).position;
   const double way_m = state() == Status::kTakeOff ? std::min(lowest_m() - from.z(), kLeg_m) : -kLeg_m;
   if (state() == Status::kTakeOff && way_m < 0.01) return std::nullopt;

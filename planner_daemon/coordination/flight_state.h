@@ -85,7 +85,7 @@ class FlightState {
   Eigen::Vector3d stop_place(Utime now, const Robot& robot) const;
   double lowest_m() const;  // at which it is led by the planner
   bool is_there(const Robot& robot, Utime now) const;
-  bool is_vertical() const { return status_.state != Status::kFlying && phase_ == Phase::kVertical; }
+  bool is_vertical() const;
 
   static constexpr Duration kVehicleAge = 2s;
 

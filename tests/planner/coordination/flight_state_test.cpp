@@ -248,6 +248,22 @@ TEST(FlightState, WhoLeavesTheFlightSpaceIsLedHome) {
   EXPECT_LE(flight.state.status().destination[0], 5.0);
 }
 
+// The daemon crashes while a pilot flies the robot.
+TEST(FlightState, WhoWasAPilotsHoldsItsPlace) {
+  Flight before;
+  before.take_off();
+  before.say_vehicle(true, false, vehicle_status_t::kInAir);
+  ASSERT_EQ(before.state.status().led_to, Status::kNowhere);
+  Flight after;
+  after.now = before.now, after.motion = before.motion, after.measured = before.measured;
+  after.state = FlightState({}, MotionLimits(), before.state.status());
+  after.say_vehicle(true, true, vehicle_status_t::kInAir);
+  EXPECT_EQ(after.state.state(), Status::kHold);
+  EXPECT_EQ(after.state.status().led_to, Status::kDestination);
+  after.fly(5.0);
+  EXPECT_LT((after.measured.position - before.measured.position).norm(), 0.01);
+}
+
 // The daemon crashes and starts again: the flight goes on.
 TEST(FlightState, WhatWasKeptGoesOn) {
   for (const std::int16_t what : {order_t::kFly, order_t::kHold, order_t::kHome, order_t::kLand, order_t::kEmergency}) {
@@ -279,11 +295,22 @@ TEST(FlightState, APilotTakesOverAndHandsBack) {
     flight.say_vehicle(true, false, vehicle_status_t::kInAir, 0.05f);
     EXPECT_EQ(flight.state.state(), Status::kHold);
     EXPECT_EQ(flight.state.status().cause, Status::kVehicle);
+    EXPECT_EQ(flight.state.status().led_to, Status::kNowhere);
     EXPECT_EQ(flight.order(order_t::kLand), Status::kNotNow) << "the pilot's";
     flight.say_vehicle(true, true, vehicle_status_t::kInAir);
     EXPECT_EQ(flight.state.state(), holds ? Status::kHold : Status::kFlying);
     EXPECT_EQ(flight.order(order_t::kLand), Status::kAccepted);
   }
+}
+
+// A message that cannot be true stops nobody in the air.
+TEST(FlightState, NobodyIsDisarmedInTheAir) {
+  Flight flight;
+  flight.take_off();
+  flight.say_vehicle(false, false, vehicle_status_t::kInAir);
+  EXPECT_EQ(flight.state.state(), Status::kFlying);
+  flight.say_vehicle(false, false, vehicle_status_t::kOnGround);
+  EXPECT_EQ(flight.state.state(), Status::kOnGround);
 }
 
 // A pilot has armed it on the ground before anything was heard of it, and takes off himself.
