@@ -52,8 +52,9 @@ class Bench : public NodeBench<Bench, BroadcastNode> {
   void after() {
     if (!node.motion()) return;
     const MotionState state = node.motion()->at(now);
-    // Whoever was off course goes on from where it is said to be.
-    const bool is_where_it_is = reported && (state.position - *reported).norm() < 1e-3;
+    // Whoever was off course, or stands on the ground, goes on from where it is said to be.
+    const auto is_at = [&](const auto& place) { return place && (state.position - *place).norm() < 1e-3; };
+    const bool is_where_it_is = is_at(reported) || is_at(believed);
     if (state_ && !(node.protocol().forced() > forced_ && is_where_it_is)) expect_same(state, *state_);
     if (!moves_) last_setpoint_ = last_announcement_ = elapsed;
     moves_ = true;
@@ -83,7 +84,8 @@ class Bench : public NodeBench<Bench, BroadcastNode> {
   void allow_silence() { silent_until_ = elapsed + kTwin + kSetpointPeriod; }
 
   std::optional<announcement_t> own;        // newest
-  std::optional<Eigen::Vector3d> reported;  // where the robot was said to be last
+  std::optional<Eigen::Vector3d> reported;  // where the robot was said to be last,
+  std::optional<Eigen::Vector3d> believed;  // and where so that it was believed
 
  private:
   static void expect_same(const MotionState& a, const MotionState& b) {
@@ -148,7 +150,9 @@ void send_state(FuzzInput& input, Bench* bench) {
       bench->node.motion() ? bench->node.motion()->at(bench->now).position : Eigen::Vector3d::UnitZ();
   Eigen::Map<Eigen::Vector3d>(state.position) = at + (input.flag() ? place(input, 1.0) : Eigen::Vector3d::Zero());
   bench->reported = Eigen::Vector3d(state.position);
+  const std::int64_t refused = bench->node.refused().total();
   bench->send(BusId::kOnboard, channel::kRobotState, state);
+  if (bench->node.refused().total() == refused) bench->believed = bench->reported;
 }
 
 void send_candidate(FuzzInput& input, Bench* bench, std::int32_t seq) {
