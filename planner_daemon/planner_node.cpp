@@ -135,7 +135,7 @@ Refusal PlannerNode::on_sogm(Utime now, std::span<const std::uint8_t> bytes) {
   if (refusal != Refusal::kNone) return refusal;
   const Assembly assembly = assembler_.add(part, &map_);
   if (assembly.status == AssemblyStatus::kComplete) {
-    if (map_is_new_) ++missed_;
+    if (map_is_new_ && is_led()) ++missed_;
     map_is_new_ = true;
   }
   return assembly.refusal;

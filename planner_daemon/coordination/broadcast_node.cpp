@@ -27,6 +27,7 @@ constexpr Duration kClockDoubt = 1s;
 constexpr Duration kLively = 300ms;            // after news
 constexpr std::int64_t kMostLost = 1'000'000;  // that are counted, of a peer: the sum of all fits its field
 constexpr int kMostJudged = 4;                 // peers at once: far less time than between two setpoints
+constexpr double kHere_m = 0.02;               // a robot that stands is where it is bound to be
 constexpr double kResume_m = 0.5;              // a kept motion is gone on with where the robot is so close to it
 
 double wrap_angle(double angle) {
@@ -211,7 +212,11 @@ FlightState::Robot BroadcastNode::robot(Utime now) const {
 
 void BroadcastNode::fly(Utime now) {
   flight_.advance(now, robot(now));
-  if (flight_.take_rests_here()) {
+  const auto is_here = [this](Utime utime) {
+    return (motion()->at(utime).position - measured_.position).norm() < kHere_m;
+  };
+  const bool rests_here = is_here(now) && is_here(motion()->end_utime());
+  if (flight_.take_rests_here() && !rests_here) {
     protocol_.force(Trajectory::hover(1, now, measured_.position));
     keep(now, protocol_.state());
     tracking_.back_on_course();

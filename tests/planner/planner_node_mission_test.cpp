@@ -90,6 +90,7 @@ TEST(PlannerNodeMission, FollowsTheFlightsState) {
   say(flight_status_t::kTakeOff, flight_status_t::kNowhere, {0, 0, 0});
   for (int i = 0; i < 11; ++i) EXPECT_FALSE(plan());
   EXPECT_EQ(f.status().state, planner_status_t::kNotLed);
+  EXPECT_EQ(f.node.missed(), 0) << "nobody is to plan with them";
   say(flight_status_t::kHome, flight_status_t::kDestination, {0, -1, 1});
   EXPECT_TRUE(plan());
   EXPECT_LT((end_of(f.planned()) - Eigen::Vector3d(0, -1, 1)).norm(), 0.05);

@@ -62,7 +62,9 @@ TEST(BridgeOrders, TellsHowTheVehicleIs) {
   EXPECT_EQ(robot.vehicle().place, vehicle_status_t::kInAir);
   EXPECT_EQ(robot.vehicle().battery, -1.0f);
   const int before = robot.out.count(channel::kVehicleStatus);
+  const int steps = robot.steps;
   robot.run_for(10.0);
+  EXPECT_LT(robot.steps, steps + 200) << "nor does it spin";
   EXPECT_LE(robot.out.count(channel::kVehicleStatus), before + 16) << "a controller that is silent says nothing";
 }
 

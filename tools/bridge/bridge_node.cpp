@@ -264,13 +264,16 @@ Utime BridgeNode::step(Utime now, Outbox& outbox) {
   }
   command(now);
   publish_vehicle(now, outbox);
-  const Utime wake = report_.heard_utime ? vehicle_.due(now, kVehiclePeriod) : kNever;
+  const Utime wake = hears_controller(now) ? vehicle_.due(now, kVehiclePeriod) : kNever;
   return std::max(now + 1us, std::min({heartbeat_.due(now, kHeartbeatPeriod), wake, guide(now)}));
 }
 
+bool BridgeNode::hears_controller(Utime now) const {
+  return report_.heard_utime && now - *report_.heard_utime <= kVehicleAge;
+}
+
 void BridgeNode::command(Utime now) {
-  const bool is_there = report_.heard_utime && now - *report_.heard_utime <= kVehicleAge;
-  if (!config_.arms || !is_there || !flight_ || now - flight_heard_ > kFlightAge) return;
+  if (!config_.arms || !hears_controller(now) || !flight_ || now - flight_heard_ > kFlightAge) return;
   const bool is_followable =
       report_.led_by == LedBy::kSetpoints && target_ && state_utime_ && report_.off_m <= kFollowable_m;
   std::optional<mavlink::CommandLong> order = orders_.next(now, report_.controller, *flight_, is_followable);
@@ -283,8 +286,7 @@ void BridgeNode::command(Utime now) {
 }
 
 void BridgeNode::publish_vehicle(Utime now, Outbox& outbox) {
-  const bool is_there = report_.heard_utime && now - *report_.heard_utime <= kVehicleAge;
-  if (!is_there || (now < vehicle_.due(now, kVehiclePeriod) && !has_vehicle_news_)) return;
+  if (!hears_controller(now) || (now < vehicle_.due(now, kVehiclePeriod) && !has_vehicle_news_)) return;
   sogm_swarm::vehicle_status_t vehicle{};
   vehicle.header = vehicle_headers_.next(now);
   vehicle.armed = report_.controller.armed() ? 1 : 0;

@@ -126,6 +126,7 @@ class BridgeNode : public Node {
   Utime guide(Utime now);
   // Tells the controller what the flight's state demands, and the bus how the vehicle is.
   void command(Utime now);
+  bool hears_controller(Utime now) const;
   void publish_vehicle(Utime now, Outbox& outbox);
   // As fits the vehicle.
   void send_target(Utime utime, const MotionState& state, double yaw_rad, double yaw_rate);

@@ -86,6 +86,7 @@ TEST(BroadcastFlight, TakesOffAndLands) {
   Flyer flyer;
   flyer.fly(1.0);
   flyer.take_off();
+  EXPECT_EQ(flyer.node.protocol().forced(), 0) << "it stood where it was bound to be";
   EXPECT_NEAR(flyer.place().z(), 1.5, 0.05);
   EXPECT_EQ(flyer.status().led_to, flight_status_t::kGoal);
   flyer.propose(flyer.plan({1, 0, 1}));
