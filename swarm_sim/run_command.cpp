@@ -39,9 +39,8 @@ void declare(OptionSet& options, RunOptions& run) {
       });
   options.add("out", &run.out,
               "directory for world.json, trace.csv, report.json and the LCM logs; none: only the table is printed");
-  options.add(
-      "log-buses", &run.log_buses,
-      "where results go to a directory: also the LCM logs of all buses, half a megabyte a second for each robot");
+  options.add("log-buses", &run.log_buses,
+              "where results go to a directory: also the LCM logs of all buses, some 0.7 MB a second for each robot");
   options.add("keep-maps", &run.keep_maps,
               "directory in which robots with range sensors keep what they have seen to stand, from flight to flight: "
               "robotK.bt (OctoMap); none: only while they fly");

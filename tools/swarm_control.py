@@ -36,7 +36,7 @@ Options, after the command:
   --base-port N    of robots on this computer; default 7667
   --arrive         tell: waits until it is done
   --simulate       up: all robots on this computer, whatever their hosts
-  --record         up: also LCM logs of all buses, on this computer; half a megabyte a second for each robot
+  --record         up: also LCM logs of all buses, on this computer; some 0.7 MB a second for each robot
   --now            down: without landing
   --sim "OPTIONS"  up: more options of swarm_sim run, --vehicle quadrotor --wind-mps 3, say
 Exit codes: 0 done, 1 not, 2 bad input.

@@ -67,7 +67,6 @@ class BroadcastNode : public Node {
   std::int32_t rejected(Rejection reason) const { return rejected_[static_cast<std::size_t>(reason)]; }
   const RefusalCounts& refused() const { return refused_; }
   std::int32_t lost() const;
-  std::int16_t flight_state() const { return flight_.state(); }  // one of flight_status_t's
 
  private:
   struct Link {  // from a peer

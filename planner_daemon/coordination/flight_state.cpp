@@ -121,11 +121,7 @@ std::int16_t FlightState::obey(Utime now, const order_t& order, const Robot& rob
       if (stands || arms || is_vertical()) return Status::kNotNow;
       if (order.order == order_t::kHold && state() != Status::kHold)
         go(now, Status::kHold, Status::kOrdered, Phase::kPlanned, stop_place(now, robot));
-      if (order.order == order_t::kHome && state() != Status::kHome) {
-        Eigen::Vector3d above = *home_;
-        above.z() = stop_place(now, robot).z();
-        go(now, Status::kHome, Status::kOrdered, Phase::kPlanned, above);
-      }
+      if (order.order == order_t::kHome && state() != Status::kHome) go_home(now, Status::kOrdered, robot);
       return Status::kAccepted;
     default: {  // kLand, kEmergency
       const std::int16_t down = order.order == order_t::kLand ? Status::kLanding : Status::kEmergency;
@@ -197,6 +193,12 @@ void FlightState::land(Utime now, std::int16_t cause, const Robot& robot) {
   go(now, Status::kLanding, cause, Phase::kPlanned, low);
 }
 
+void FlightState::go_home(Utime now, std::int16_t cause, const Robot& robot) {
+  Eigen::Vector3d above = *home_;
+  above.z() = stop_place(now, robot).z();
+  go(now, Status::kHome, cause, Phase::kPlanned, above);
+}
+
 void FlightState::advance(Utime now, const Robot& robot) {
   if (!home_) set_home(robot.measured.position);
   if (since_ == Utime()) since_ = now;
@@ -245,9 +247,7 @@ void FlightState::guard(Utime now, const Robot& robot) {
   const bool is_outside = (place < rules_.space_min.array() - rules_.fence_m).any() ||
                           (place > rules_.space_max.array() + rules_.fence_m).any();
   if (!roams || (battery >= rules_.battery_home && !is_outside)) return;
-  Eigen::Vector3d above = *home_;
-  above.z() = stop_place(now, robot).z();
-  go(now, Status::kHome, is_outside ? Status::kFence : Status::kBattery, Phase::kPlanned, above);
+  go_home(now, is_outside ? Status::kFence : Status::kBattery, robot);
 }
 
 void FlightState::go_on(Utime now, const Robot& robot) {

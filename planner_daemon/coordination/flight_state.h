@@ -73,6 +73,7 @@ class FlightState {
   void set_home(const Eigen::Vector3d& place);
   void stand(Utime now, std::int16_t cause);
   void land(Utime now, std::int16_t cause, const Robot& robot);
+  void go_home(Utime now, std::int16_t cause, const Robot& robot);
   std::int16_t obey(Utime now, const sogm_swarm::order_t& order, const Robot& robot);
   std::int16_t take_off(Utime now, double height_m, const Robot& robot);
   // What the vehicle did by itself; what battery and flight space demand; what comes next by itself.
