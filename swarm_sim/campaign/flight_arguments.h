@@ -17,9 +17,9 @@ struct FlightArguments {
   std::string map_config, planner_config, broadcast_config, perception_config;  // files; empty: defaults
   LinkOptions link;                                                             // without its outages
   double clock_offset_ms = 0.0;
-  std::string outages;      // as parse_outages() takes them
-  std::string kills;        // as parse_kills() takes them
-  std::string clock_steps;  // as parse_clock_steps() takes them
+  std::string outages, state_outages;  // as parse_outages() takes them
+  std::string kills;                   // as parse_kills() takes them
+  std::string clock_steps;             // as parse_clock_steps() takes them
 };
 
 void declare(OptionSet& options, FlightArguments& arguments);

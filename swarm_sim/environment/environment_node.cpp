@@ -61,7 +61,8 @@ Utime EnvironmentNode::step(Utime now, Outbox& outbox) {
     for (const sogm_swarm::depth_image_t& image : scans_.front().images)
       outbox.publish(BusId::kOnboard, channel::kDepthImage, image);
   }
-  if (tells_state_) outbox.publish(BusId::kOnboard, channel::kRobotState, state(own_time));
+  if (tells_state_ && simulation_.tells_state(index_))
+    outbox.publish(BusId::kOnboard, channel::kRobotState, state(own_time));
   const bool has_goal = !simulation_.world().robots[index_].is_told;
   if (has_goal && t_s >= 0.0 && tick >= goal_.due(tick, kGoalPeriod)) {
     goal_.done(tick);

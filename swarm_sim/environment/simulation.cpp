@@ -11,6 +11,7 @@ Simulation::Simulation(const World& world, const OccupiedCubes* static_map, cons
     : world_(world),
       static_map_(static_map),
       clock_steps_(options.clock_steps),
+      state_outages_(options.state_outages),
       judge_(world, static_map, options.time_limit_s),
       on_tick_(std::move(on_tick)),
       now_(tick_at(utime)),
@@ -30,6 +31,10 @@ void Simulation::start(Utime utime) {
     throw std::invalid_argument("utime: " + std::to_string(to_us(utime)) + " must be a tick later than " +
                                 std::to_string(to_us(now_)));
   start_ = utime;
+}
+
+bool Simulation::tells_state(std::size_t index) const {
+  return !is_out(state_outages_, world_.robots[index].id, t_s(now_));
 }
 
 void Simulation::advance(Utime utime) {

@@ -14,6 +14,7 @@
 #include "swarm_sim/environment/judge.h"
 #include "swarm_sim/environment/vehicle.h"
 #include "swarm_sim/world/clocks.h"
+#include "swarm_sim/world/outage.h"
 #include "swarm_sim/world/world.h"
 
 namespace swarm {
@@ -22,6 +23,7 @@ struct SimulationOptions {
   double time_limit_s = 60.0;
   double clock_offset_ms = 0.0;  // of the robots' clocks, see clocks.h
   std::vector<ClockStep> clock_steps{};
+  std::vector<Outage> state_outages{};
 };
 
 class Simulation {
@@ -44,6 +46,8 @@ class Simulation {
   // In the world's order.
   const std::vector<Vehicle>& vehicles() const { return vehicles_; }
   Vehicle& vehicle(std::size_t index) { return vehicles_[index]; }
+  // Whether robot `index` is told where it is.
+  bool tells_state(std::size_t index) const;
   // How far each was from where it was told to be [m], at all ticks of the flight.
   const std::vector<std::vector<double>>& tracking_m() const { return tracking_m_; }
 
@@ -65,6 +69,7 @@ class Simulation {
   const World& world_;
   const OccupiedCubes* static_map_;
   std::vector<ClockStep> clock_steps_;  // to come
+  std::vector<Outage> state_outages_;
   Judge judge_;
   TickObserver on_tick_;
   Utime now_;

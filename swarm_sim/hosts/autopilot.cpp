@@ -148,6 +148,7 @@ void Autopilot::report() {
   }
   using mavlink::ExtendedSysState;
   send(ExtendedSysState{0, stands_ ? ExtendedSysState::kOnGround : ExtendedSysState::kInAir});
+  if (!simulation_.tells_state(index_)) return;
   mavlink::Attitude attitude;
   attitude.time_boot_ms = time_boot_ms;
   attitude.yaw = static_cast<float>(frame_.yaw(vehicle.yaw_rad()));

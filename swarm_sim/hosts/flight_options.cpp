@@ -90,7 +90,8 @@ void check_robots(const World& world, const FlightOptions& options) {
       throw OptionError("kill: robots have no perception_daemon without --sensor lidar or depth");
   }
   for (const ClockStep& step : options.clock_steps) (void)index_of_robot(world, step.robot_id, "clock-step");
-  for (const LinkOutage& outage : options.link.outages) (void)index_of_robot(world, outage.robot_id, "link-outage");
+  for (const Outage& outage : options.link.outages) (void)index_of_robot(world, outage.robot_id, "link-outage");
+  for (const Outage& outage : options.state_outages) (void)index_of_robot(world, outage.robot_id, "state-outage");
 }
 
 }  // namespace swarm

@@ -32,6 +32,7 @@ struct FlightOptions {
   double clock_offset_ms = 0.0;     // the lowest id's clock is so much behind the highest's; the others lie between
   std::vector<Kill> kills;
   std::vector<ClockStep> clock_steps;
+  std::vector<Outage> state_outages;  // robots that are not told where they are
 };
 
 // The daemons' configurations for one robot of a world.

@@ -134,7 +134,8 @@ RunReport run_lockstep(const World& world, const OccupiedCubes* static_map, cons
   LinkModel link(options.link, seed_of(world.name));
   BusRecorder recorder(logs, !options.clock_steps.empty(), options.clock_offset_ms);
   std::optional<LockstepHost> host(kEpoch);
-  Simulation simulation(world, static_map, {options.time_limit_s, options.clock_offset_ms, options.clock_steps},
+  Simulation simulation(world, static_map,
+                        {options.time_limit_s, options.clock_offset_ms, options.clock_steps, options.state_outages},
                         kEpoch - Simulation::kTick, follow_flight(trace, progress, [&host] { host->stop(); }));
   simulation.start(kEpoch);
 

@@ -249,7 +249,8 @@ RunReport run_processes(const World& world, const OccupiedCubes* static_map, con
 
   RealtimeHost host;
   const World simulated = !processes.mavlink.empty() ? bridged(world) : world;
-  Simulation simulation(simulated, static_map, {options.time_limit_s, options.clock_offset_ms, options.clock_steps},
+  Simulation simulation(simulated, static_map,
+                        {options.time_limit_s, options.clock_offset_ms, options.clock_steps, options.state_outages},
                         wall_utime(), follow_flight(trace, progress, [&host] { host.stop(); }));
   Relay relay(options.link, seed_of(world.name), [&](Utime utime) { return simulation.t_s(utime); });
   BusRecorder recorder(logs, !options.clock_steps.empty(), options.clock_offset_ms);

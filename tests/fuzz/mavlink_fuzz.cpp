@@ -45,7 +45,7 @@ struct Reading {
 
 Message make_message(FuzzInput& input) {
   const auto number = [&] { return static_cast<float>(input.flag() ? input.any_real() : input.real(-100, 100)); };
-  switch (input.byte() % 9) {
+  switch (input.byte() % 10) {
     case 0:
       return Heartbeat{static_cast<std::uint32_t>(input.word(4)),
                        input.byte(),
@@ -88,6 +88,8 @@ Message make_message(FuzzInput& input) {
       return CommandAck{static_cast<std::uint16_t>(input.word(2)), input.byte()};
     case 7:
       return ExtendedSysState{input.byte(), input.byte()};
+    case 8:
+      return VisionPositionEstimate{input.word(8), {number(), number(), number()}, number(), number(), number()};
     default: {
       SysStatus status;
       status.sensors_healthy = static_cast<std::uint32_t>(input.word(4));

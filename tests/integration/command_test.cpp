@@ -108,6 +108,7 @@ TEST(RunCommand, BadOptionsAreRefusedByNameValueAndRule) {
   expect({"--sensor-rate", "1000"}, {"--sensor-rate 1000", "[1, 100] Hz"});
   expect({"--link-loss", "1.5"}, {"--link-loss 1.5", "[0, 1]"});
   expect({"--link-outage", "1:3:2"}, {"--link-outage", "1:3:2", "ROBOT:FROM_S:TO_S"});
+  expect({"--state-outage", "1:3:2"}, {"--state-outage", "1:3:2", "ROBOT:FROM_S:TO_S"});
   expect({"--mode", "processes", "--netns", "far", "--link-delay-ms", "5"}, {"netns", "--link-"});
   expect({"--mavlink", "position"}, {"mavlink", "lock-step", "--mode processes"});
   expect({"--mavlink", "true"}, {"--mavlink", "position or attitude"});
@@ -117,6 +118,7 @@ TEST(RunCommand, BadOptionsAreRefusedByNameValueAndRule) {
   expect({"--kill", "map@1"}, {"--kill", "map@1", "DAEMON:ROBOT@AT_S"});
   expect({"--kill", "map:9@1"}, {"kill", "no robot 9"});
   expect({"--link-outage", "9:1:2"}, {"link-outage", "no robot 9"});
+  expect({"--state-outage", "9:1:2"}, {"state-outage", "no robot 9"});
   expect({"--kill", "map:9@1", "--mode", "processes"}, {"kill", "no robot 9"});
   expect({"--keep-maps", directory / "maps"}, {"keep-maps", "--sensor lidar or depth"});
   expect({"--base-port", "80"}, {"--base-port 80", "[1024, 60000]"});

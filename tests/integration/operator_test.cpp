@@ -68,6 +68,12 @@ class Day : public testing::Test {
   std::string log(int id, const std::string& daemon) const {
     return read_text(directory_ / ("run/robot" + std::to_string(id) + "-" + daemon + ".log"));
   }
+  // Whether daemon `id` has said `words`, in the order of the log after `after`.
+  bool has_said(int id, const std::string& daemon, const std::string& words, const std::string& after = "") const {
+    const std::string text = log(id, daemon);
+    const std::size_t begin = text.find(after);
+    return begin != text.npos && text.find(words, begin) != text.npos;
+  }
   std::optional<pid_t> pid_of(const std::string& daemon, int id) const {
     const std::string config = directory_ / ("run/robot" + std::to_string(id) + "-" + daemon + ".cfg");
     for (const pid_t pid : processes_with(config)) return pid;
@@ -109,6 +115,51 @@ TEST_F(Day, FourRobotsTakeOffFlyAMissionHoldComeHomeAndLand) {
   const nlohmann::json report = end();
   EXPECT_EQ(report["outcome"], "success") << report.dump();
   EXPECT_EQ(report["commit_conflicts"], 0);
+}
+
+// Four robots fly to and fro. One loses the radio, the next its planner, the next its broadcast daemon, the last what
+// tells it where it is: each does what is documented, and all come home.
+TEST_F(Day, EachLostLinkIsOutlived) {
+  const auto at = [](double t_s) { return std::to_string(kPatience * t_s); };
+  begin(4, {"--link-outage", "0:" + at(22) + ":" + at(30), "--kill", "broadcast:2@" + at(25) + "-" + at(25.3),
+            "--state-outage", "3:" + at(22) + ":" + at(27)});
+  ASSERT_EQ(tell({"--height", "0.9", "0,1,2,3", "take-off"}).exit_code, 0);
+  for (int id = 0; id < 4; ++id) {
+    const std::string x = std::to_string(2.0 * id - 3.0), robot = std::to_string(id);
+    const Finished sent = tell({"--arrive", "false", "--times", "100", robot, x + ",3,1", x + ",-3,1"});
+    ASSERT_EQ(sent.exit_code, 0) << sent.out << sent.err;
+  }
+  const auto said = [&](double seconds, int id, const char* daemon, const char* words, const char* after = "") {
+    EXPECT_TRUE(wait_for(kPatience * seconds, [&] { return has_said(id, daemon, words, after); })) << words << "\n"
+                                                                                                   << log(id, daemon);
+  };
+  said(30, 1, "broadcast", "robot 0 silent");
+  const auto planner = pid_of("planner", 1);
+  ASSERT_TRUE(planner);
+  ASSERT_EQ(::kill(*planner, SIGSTOP), 0);
+  said(30, 2, "broadcast", "waits for robots 0 (never heard)");
+  said(30, 3, "map", "waits for ROBOT_STATE");
+  said(30, 3, "map", "makes maps", "waits for ROBOT_STATE");
+  ASSERT_EQ(::kill(*planner, SIGCONT), 0);
+  said(30, 1, "broadcast", "ready", "robot 0 silent");
+  said(30, 2, "broadcast", "ready", "(never heard)");
+  const Finished home = tell({"0,1,2,3", "home"});
+  EXPECT_EQ(home.exit_code, 0) << home.out << home.err;
+  const nlohmann::json report = end();
+  EXPECT_EQ(report["outcome"], "success") << report.dump();
+  EXPECT_EQ(report["commit_conflicts"], 0);
+}
+
+// Led by a planner that was given more space than its broadcast daemon, a robot leaves it, and is led home.
+TEST_F(Day, WhoLeavesTheFlightSpaceIsLedHome) {
+  write_text(directory_ / "fence.cfg", "space-min = -5,-5,0\nspace-max = 5,0,3\n");
+  begin(1, {"--broadcast-config", directory_ / "fence.cfg"});
+  ASSERT_EQ(tell({"--height", "0.9", "0", "take-off"}).exit_code, 0);
+  ASSERT_EQ(tell({"--arrive", "false", "0", "-3,3,1"}).exit_code, 0);
+  EXPECT_TRUE(wait_for(60.0 * kPatience, [&] {
+    return has_said(0, "broadcast", "on the ground", "flying home: it left the flight space");
+  })) << log(0, "broadcast");
+  EXPECT_EQ(end()["outcome"], "success");
 }
 
 // A planner that hangs: its robot rests where its trajectory ends; a landing waits for it, an emergency does not.

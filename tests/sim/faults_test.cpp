@@ -93,6 +93,21 @@ TEST(Faults, WhoIsBlindWaitsWhereItPromisedTo) {
   EXPECT_GT(blind.robots[1].verdict.flight_time_s.value_or(0.0), *usual.robots[1].verdict.flight_time_s + 1.0);
 }
 
+// It rests at the end of what it has committed to, as its daemons wait, and goes on.
+TEST(Faults, ARobotThatIsNotToldWhereItIsWaits) {
+  const World world = make_world(Task::kCross, Environment::kPure, 0, 1);
+  const auto fly_with = [&](const char* outages) {
+    FlightOptions options;
+    options.state_outages = parse_outages(outages);
+    return run_lockstep(world, nullptr, options, {}, nullptr, nullptr, nullptr);
+  };
+  const RunReport usual = fly_with(""), lost = fly_with("1:2:7");
+  for (const RunReport* report : {&usual, &lost})
+    EXPECT_EQ(report->outcome, Outcome::kSuccess) << summary_table(*report);
+  EXPECT_GT(lost.robots[1].verdict.flight_time_s.value_or(0.0), *usual.robots[1].verdict.flight_time_s + 2.0);
+  EXPECT_THROW((void)fly_with("9:1:2"), OptionError);
+}
+
 // The robots wait for a silent one, an obstacle comes: they get out of its way without its word.
 TEST(Faults, WhoeverWaitsForASilentPeerIsNotHit) {
   std::int64_t forced = 0;

@@ -26,6 +26,7 @@ class SimulatedAutopilot {
         targets.push_back(*target);
       if (const auto* const target = std::get_if<mavlink::SetAttitudeTarget>(&message)) attitudes.push_back(*target);
       if (const auto* const command = std::get_if<mavlink::CommandLong>(&message)) obey(*command);
+      if (const auto* const pose = std::get_if<mavlink::VisionPositionEstimate>(&message)) poses.push_back(*pose);
       if (const auto* const heartbeat = std::get_if<mavlink::Heartbeat>(&message)) heartbeats.push_back(*heartbeat);
     });
   }
@@ -78,6 +79,7 @@ class SimulatedAutopilot {
   std::vector<mavlink::SetAttitudeTarget> attitudes;
   std::vector<mavlink::Heartbeat> heartbeats;
   std::vector<mavlink::CommandLong> commands;
+  std::vector<mavlink::VisionPositionEstimate> poses;  // of itself, by the eyes of others
   // What it is, and what it says to commands.
   std::uint8_t autopilot = mavlink::Heartbeat::kPx4, result = mavlink::CommandAck::kAccepted;
   bool is_armed = false;

@@ -54,6 +54,32 @@ TEST(Bridge, TellsTheRobotsState) {
   EXPECT_EQ(silent.states(), 0);
 }
 
+// As motion capture sees it; what the controller says of itself is not told back to it.
+TEST(Bridge, TellsTheControllerWhereTheRobotIs) {
+  BridgeConfig config = make_config();
+  config.origin = {10, 0, 0};
+  config.passes_state = true;
+  EXPECT_THROW((void)Flight(config), OptionError);
+  config.publish_state = false;
+  Flight flight(config);
+  robot_state_t state = state_at(kRobot, {11, -2, 3}, 1, flight.now - 20ms);
+  state.yaw = -0.5;
+  flight.send(channel::kRobotState, state);
+  ASSERT_EQ(flight.autopilot.poses.size(), 1u);
+  const mavlink::VisionPositionEstimate& pose = flight.autopilot.poses[0];
+  EXPECT_EQ(pose.time_us, static_cast<std::uint64_t>(state.header.utime));
+  EXPECT_EQ(pose.position, (std::array{1.0f, 2.0f, -3.0f}));
+  EXPECT_EQ((std::array{pose.roll, pose.pitch, pose.yaw}), (std::array{0.0f, 0.0f, 0.5f}));
+  flight.send(channel::kRobotState, state);  // again
+  flight.send(channel::kRobotState, state_at(kRobot + 1, {11, -2, 3}, 2, flight.now));
+  flight.send(channel::kRobotState, state_at(kRobot, {11, -2, 3}, 3, flight.now - 250ms));
+  flight.send(channel::kRobotState, state_at(kRobot, {11, std::nan(""), 3}, 4, flight.now));
+  EXPECT_EQ(flight.autopilot.poses.size(), 1u);
+  flight.autopilot.report_state(100);
+  EXPECT_EQ(flight.autopilot.poses.size(), 1u);
+  EXPECT_EQ(flight.states(), 0) << "none is published";
+}
+
 TEST(Bridge, RefusesOldStatesAndNoticesARestart) {
   Flight flight;
   const auto report = [&](std::uint32_t time_ms) {

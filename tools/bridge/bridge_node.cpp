@@ -63,6 +63,8 @@ void declare(OptionSet& options, BridgeConfig& config) {
   options.add("tilt-max", &config.gains.tilt_max_deg, 5, 70, "deg", "of the thrust to the vertical at most");
   options.add("state-delay", &config.state_delay_s, 0, 1, "s", "from a state's measurement to its arrival here");
   options.add("publish-state", &config.publish_state, "publish ROBOT_STATE; false: somebody else does");
+  options.add("pass-state", &config.passes_state,
+              "tell the controller what ROBOT_STATE says, as motion capture publishes it; needs publish-state = false");
   options.add(
       "arms", &config.arms,
       "arms the vehicle, switches its mode, takes off and disarms, as FLIGHT_STATUS demands; false: a pilot does");
@@ -70,6 +72,11 @@ void declare(OptionSet& options, BridgeConfig& config) {
               "without setpoint and announcement: then the committed trajectory is flown to its end, and no further");
   options.add("clock-limit", &config.clock_limit_s, 0.001, 10, "s",
               "the robot's own messages from further in the future are refused");
+}
+
+void verify(const BridgeConfig& config) {
+  if (config.passes_state && config.publish_state)
+    throw OptionError("pass-state: the controller would be told what it said itself; publish-state must be false");
 }
 
 mavlink::Sender bridge_of(const BridgeConfig& config) {
@@ -99,12 +106,16 @@ BridgeNode::BridgeNode(const BridgeConfig& config, std::int32_t boot, FrameSink 
       encoder_(bridge_of(config)),
       state_headers_(config.robot_id, boot),
       vehicle_headers_(config.robot_id, boot),
-      position_controller_(config.gains) {}
+      position_controller_(config.gains) {
+  verify(config);
+}
 
 std::vector<Subscription> BridgeNode::subscriptions() const {
-  return {{BusId::kOnboard, channel::kSetpoint},
-          {BusId::kOnboard, channel::kOwnTrajectory},
-          {BusId::kOnboard, channel::kFlightStatus}};
+  std::vector<Subscription> all = {{BusId::kOnboard, channel::kSetpoint},
+                                   {BusId::kOnboard, channel::kOwnTrajectory},
+                                   {BusId::kOnboard, channel::kFlightStatus}};
+  if (config_.passes_state) all.push_back({BusId::kOnboard, channel::kRobotState});
+  return all;
 }
 
 void BridgeNode::on_message(Utime now, BusId, std::string_view channel, std::span<const std::uint8_t> bytes, Outbox&) {
@@ -116,6 +127,8 @@ void BridgeNode::on_message(Utime now, BusId, std::string_view channel, std::spa
     refusal = on_announcement(now, bytes);
   } else if (channel == channel::kFlightStatus) {
     refusal = on_flight_status(now, bytes);
+  } else if (channel == channel::kRobotState) {
+    refusal = on_state(now, bytes);
   }
   if (refusal != Refusal::kNone) report_.refused.count(refusal);
 }
@@ -168,6 +181,20 @@ Refusal BridgeNode::on_flight_status(Utime now, std::span<const std::uint8_t> by
   if (refusal != Refusal::kNone) return refusal;
   flight_ = message;
   flight_heard_ = now;
+  return Refusal::kNone;
+}
+
+// Roll and pitch are the controller's to know: it takes place and yaw.
+Refusal BridgeNode::on_state(Utime now, std::span<const std::uint8_t> bytes) {
+  sogm_swarm::robot_state_t state;
+  const Refusal refusal = receive(bytes, FromRobot{config_.robot_id}, window(now, kStateAge), state_gate_, &state);
+  if (refusal != Refusal::kNone) return refusal;
+  mavlink::VisionPositionEstimate estimate;
+  estimate.time_us = static_cast<std::uint64_t>(state.header.utime);
+  estimate.position = to_floats(frame_.position_to_ned(Eigen::Vector3d(state.position)));
+  estimate.yaw = static_cast<float>(frame_.yaw(state.yaw));
+  send(estimate);
+  ++report_.states;
   return Refusal::kNone;
 }
 

@@ -35,12 +35,15 @@ struct BridgeConfig {
   PositionGains gains;               // where it is attitude
   double state_delay_s = 0.0;        // a state is older than its arrival by this
   bool publish_state = true;
+  bool passes_state = false;   // to the controller, where somebody else publishes it
   double timeout_s = 0.5;      // no setpoint and no announcement for so long: the broadcast daemon is gone
   double clock_limit_s = 0.1;  // the robot's own messages from further in the future are refused
   bool arms = true;            // and switches the mode, takes off and disarms, as the flight's state demands
 };
 
 void declare(OptionSet& options, BridgeConfig& config);
+// Throws OptionError where values do not go together.
+void verify(const BridgeConfig& config);
 
 mavlink::Sender bridge_of(const BridgeConfig& config);
 mavlink::Sender controller_of(const BridgeConfig& config);
@@ -73,7 +76,7 @@ struct BridgeReport {
   std::int64_t late = 0;       // not passed on: older than what was sent already
   std::int64_t samples = 0;    // of the committed trajectory, sent
   bool blind = false;          // positions are sent in place of attitudes: no state of late
-  std::int64_t states = 0;     // published
+  std::int64_t states = 0;     // published, or passed to the controller
   std::int64_t restarts = 0;   // of the controller
   double off_m = 0.0;          // how far the robot was from its target when both were known last [m]
   RefusalCounts refused;       // messages from the bus
@@ -85,7 +88,7 @@ class BridgeNode : public Node {
   // A whole frame for the controller; the bytes are valid during the call only.
   using FrameSink = std::function<void(std::span<const std::uint8_t>)>;
 
-  // `boot` as in HeaderSource.
+  // `boot` as in HeaderSource. Throws what verify() throws.
   BridgeNode(const BridgeConfig& config, std::int32_t boot, FrameSink sink);
 
   std::vector<Subscription> subscriptions() const override;
@@ -113,6 +116,7 @@ class BridgeNode : public Node {
   Refusal on_setpoint(Utime now, std::span<const std::uint8_t> bytes);
   Refusal on_announcement(Utime now, std::span<const std::uint8_t> bytes);
   Refusal on_flight_status(Utime now, std::span<const std::uint8_t> bytes);
+  Refusal on_state(Utime now, std::span<const std::uint8_t> bytes);
   void on_controller(Utime now, const mavlink::Heartbeat& heartbeat);
   void on_controller(Utime now, const mavlink::Attitude& attitude);
   void on_controller(Utime now, const mavlink::LocalPositionNed& local, Outbox& outbox);
@@ -141,7 +145,7 @@ class BridgeNode : public Node {
   NedFrame frame_;
   mavlink::Encoder encoder_;
   HeaderSource state_headers_, vehicle_headers_;
-  SequenceGate setpoint_gate_, announcement_gate_, flight_gate_;
+  SequenceGate setpoint_gate_, announcement_gate_, flight_gate_, state_gate_;
   BridgeReport report_;
 
   std::optional<Utime> start_;

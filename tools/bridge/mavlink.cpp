@@ -19,7 +19,7 @@ struct Definition {
 };
 // In the order of Message's alternatives.
 constexpr Definition kDefinitions[] = {{0, 50, 9},    {30, 39, 28}, {32, 185, 28}, {84, 143, 53}, {82, 49, 39},
-                                       {76, 152, 33}, {77, 143, 3}, {245, 130, 2}, {1, 124, 31}};
+                                       {76, 152, 33}, {77, 143, 3}, {245, 130, 2}, {1, 124, 31},  {102, 158, 32}};
 static_assert(std::size(kDefinitions) == std::variant_size_v<Message>);
 
 template <class M, class Expected>
@@ -66,6 +66,10 @@ void fields_of(M& m, Archive& a) {
   a(m.sensors_present), a(m.sensors_enabled), a(m.sensors_healthy), a(m.load), a(m.voltage_mv), a(m.current_ca);
   a(m.drop_rate), a(m.comm_errors), a(m.errors), a(m.battery_percent);
 }
+template <Is<VisionPositionEstimate> M, class Archive>
+void fields_of(M& m, Archive& a) {
+  a(m.time_us), a(m.position), a(m.roll), a(m.pitch), a(m.yaw);
+}
 
 // Little-endian.
 class Writer {
@@ -90,8 +94,8 @@ class Reader {
   explicit Reader(const std::uint8_t* from) : from_(from) {}
   template <class Integer>
   void operator()(Integer& value) {
-    std::uint32_t all = 0;
-    for (std::size_t i = 0; i < sizeof(value); ++i) all |= static_cast<std::uint32_t>(*from_++) << 8 * i;
+    std::uint64_t all = 0;
+    for (std::size_t i = 0; i < sizeof(value); ++i) all |= static_cast<std::uint64_t>(*from_++) << 8 * i;
     value = static_cast<Integer>(all);
   }
   void operator()(float& value) {
@@ -159,8 +163,10 @@ Message decode(const Definition& definition, std::span<const std::uint8_t> paylo
       return read<CommandAck>(whole.data());
     case 7:
       return read<ExtendedSysState>(whole.data());
-    default:
+    case 8:
       return read<SysStatus>(whole.data());
+    default:
+      return read<VisionPositionEstimate>(whole.data());
   }
 }
 

@@ -1,4 +1,4 @@
-// The part of MAVLink 2 that leads a flight controller from the ground to the ground: nine messages, their frames on
+// The part of MAVLink 2 that leads a flight controller from the ground to the ground: ten messages, their frames on
 // the wire, and a parser that takes any bytes in any pieces (https://mavlink.io/en/guide/serialization.html; message
 // set "common"). Frames are not signed.
 #pragma once
@@ -93,8 +93,16 @@ struct SysStatus {
   std::uint8_t battery_percent = 0xFF;  // what is left; above 100: not known
 };
 
+// Where the vehicle is by the eyes of somebody else: north, east, down of the autopilot's local origin [m], and its
+// turn as in Attitude.
+struct VisionPositionEstimate {
+  std::uint64_t time_us = 0;  // since the epoch
+  std::array<float, 3> position{};
+  float roll = 0, pitch = 0, yaw = 0;
+};
+
 using Message = std::variant<Heartbeat, Attitude, LocalPositionNed, SetPositionTargetLocalNed, SetAttitudeTarget,
-                             CommandLong, CommandAck, ExtendedSysState, SysStatus>;
+                             CommandLong, CommandAck, ExtendedSysState, SysStatus, VisionPositionEstimate>;
 
 // Who sends: a vehicle or a ground station, and its part. Component 0 stands for every component.
 struct Sender {
