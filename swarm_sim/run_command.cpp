@@ -91,6 +91,13 @@ class ProgressLine {
   std::size_t touches_ = 0;  // that were said
 };
 
+void verify(const RunOptions& run) {
+  if (!run.processes.mavlink.empty() && run.mode != "processes")
+    throw OptionError("mavlink: in lock-step there is no mavlink_bridge; --mode processes");
+  if (run.processes.mavlink.empty() && (run.processes.autopilot.on_ground || run.processes.autopilot.battery_s > 0.0))
+    throw OptionError("on-ground, battery-s: of a flight controller; --mavlink position or attitude");
+}
+
 volatile std::sig_atomic_t stopped = 0;
 
 RunReport fly(const RunOptions& run, const FlightOptions& flight, const World& world, const OccupiedCubes* static_map,
@@ -101,10 +108,6 @@ RunReport fly(const RunOptions& run, const FlightOptions& flight, const World& w
     return stopped == 0;
   };
   RunReport report;
-  if (!run.processes.mavlink.empty() && run.mode != "processes")
-    throw OptionError("mavlink: in lock-step there is no mavlink_bridge; --mode processes");
-  if (run.processes.mavlink.empty() && (run.processes.autopilot.on_ground || run.processes.autopilot.battery_s > 0.0))
-    throw OptionError("on-ground, battery-s: of a flight controller; --mavlink position or attitude");
   if (run.mode == "processes") {
     report = run_processes(world, static_map, flight, run.processes, logs, trace, progress);
   } else {
@@ -124,6 +127,7 @@ int run_command(int argc, const char* const* argv) try {
   OptionSet options("swarm_sim run", "Flies a world to its end and judges the flight by exact geometry.");
   declare(options, run);
   if (options.parse(argc, argv, std::cout) == OptionSet::Parsed::kExit) return 0;
+  verify(run);
   FlightOptions flight = flight_options(run.flight);  // bad input is found before anything is made
   if (!run.keep_maps.empty()) flight.kept_maps = std::filesystem::absolute(run.keep_maps);
 
@@ -142,25 +146,34 @@ int run_command(int argc, const char* const* argv) try {
   std::optional<FlightTrace> trace;
   if (!run.out.empty()) {
     std::filesystem::create_directories(out);
+    remove_results(out);
     std::vector<int> ids;
     for (const WorldRobot& robot : world.robots) ids.push_back(robot.id);
     if (run.log_buses) logs.emplace(out, ids);
     trace.emplace(out, world.vehicle.kind == "perfect");
     run.processes.out = out;
   }
-  const RunReport report =
-      fly(run, flight, world, static_map ? &*static_map : nullptr, logs ? &*logs : nullptr, trace ? &*trace : nullptr);
-  if (!run.out.empty()) {
+  const auto keep = [&] {
+    if (run.out.empty()) return;
     trace->close();
     if (logs) logs->close();
     write_file(out / "world.json", to_json_text(read, std::filesystem::absolute(out)));
-    write_report(report, out / "report.json");
+  };
+  RunReport report;
+  try {
+    report = fly(run, flight, world, static_map ? &*static_map : nullptr, logs ? &*logs : nullptr,
+                 trace ? &*trace : nullptr);
+  } catch (const Interrupted&) {
+    keep();
+    std::cerr << "\nswarm_sim run: interrupted; "
+              << (run.out.empty() ? "nothing was to be kept" : "what was flown is in " + run.out + ", without a report")
+              << '\n';
+    return 130;
   }
+  keep();
+  if (!run.out.empty()) write_report(report, out / "report.json");
   std::cout << summary_table(report) << std::flush;
   return report.outcome == Outcome::kSuccess && report.commit_conflicts == 0 ? 0 : 1;
-} catch (const Interrupted&) {
-  std::cerr << "\nswarm_sim run: interrupted; no results were written\n";
-  return 130;
 } catch (const std::exception& error) {
   std::cerr << "swarm_sim run: " << error.what() << '\n';
   return 2;

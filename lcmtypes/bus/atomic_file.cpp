@@ -2,6 +2,7 @@
 
 #include <unistd.h>
 
+#include <cerrno>
 #include <fstream>
 #include <stdexcept>
 #include <string>
@@ -28,12 +29,16 @@ void AtomicFile::commit() {
   temporary_.clear();
 }
 
+void fail_to_write(const std::filesystem::path& path) {
+  throw std::runtime_error(path.string() + ": cannot be written: " + std::generic_category().message(errno));
+}
+
 void write_file(const std::filesystem::path& path, std::string_view text) {
   AtomicFile file(path);
   std::ofstream out(file.temporary(), std::ios::binary);
   out << text;
   out.close();
-  if (!out) throw std::runtime_error(path.string() + ": cannot be written");
+  if (!out) fail_to_write(path);
   file.commit();
 }
 

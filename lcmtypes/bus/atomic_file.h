@@ -23,6 +23,9 @@ class AtomicFile {
   std::filesystem::path path_, temporary_;
 };
 
+// Throws std::runtime_error with the path and what errno says.
+[[noreturn]] void fail_to_write(const std::filesystem::path& path);
+
 // Throws std::runtime_error with path and reason; then nothing has changed.
 void write_file(const std::filesystem::path& path, std::string_view text);
 

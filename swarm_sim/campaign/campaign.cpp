@@ -5,8 +5,6 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <cerrno>
-#include <cstring>
 #include <fstream>
 #include <iterator>
 #include <map>
@@ -16,6 +14,7 @@
 #include <system_error>
 #include <thread>
 
+#include "lcmtypes/bus/atomic_file.h"
 #include "lcmtypes/bus/temporary_directory.h"
 #include "lcmtypes/bus/text.h"
 #include "swarm_sim/hosts/lockstep.h"
@@ -98,7 +97,7 @@ std::string percent(int part, int whole) {
 
 ResultsFile::ResultsFile(std::filesystem::path path) : path_(std::move(path)) {
   const auto fail = [this] {
-    throw std::runtime_error(path_.string() + ": cannot be written: " + std::strerror(errno));
+    fail_to_write(path_);
   };
   descriptor_ = ::open(path_.c_str(), O_RDWR | O_CREAT | O_APPEND | O_CLOEXEC, 0644);
   if (descriptor_ < 0) fail();
@@ -132,7 +131,7 @@ bool ResultsFile::holds(const std::string& trial) const {
 void ResultsFile::append(const TrialRow& row) {
   const std::string line = csv_line(row) + "\n";
   if (::write(descriptor_, line.data(), line.size()) != static_cast<ssize_t>(line.size()))
-    throw std::runtime_error(path_.string() + ": cannot be written: " + std::strerror(errno));
+    fail_to_write(path_);
   rows_.push_back(row);
 }
 

@@ -132,7 +132,6 @@ std::vector<DaemonProgram> daemons_of(const World& world, const WorldRobot& robo
 void start_bridge(const World& world, const WorldRobot& robot, const RobotPlace& place, const std::string& targets,
                   int port, const DaemonDirectories& directories, ChildProcesses& children) {
   const std::filesystem::path log = directories.out / ("robot" + std::to_string(robot.id) + "-bridge.log");
-  std::filesystem::remove(log);
   children.start(
       "robot " + std::to_string(robot.id) + "'s mavlink_bridge", directories.programs / "mavlink_bridge",
       {"--robot-id", std::to_string(robot.id), "--onboard-url", place.onboard_url, "--link",
@@ -279,7 +278,6 @@ RunReport run_processes(const World& world, const OccupiedCubes* static_map, con
       autopilots.emplace_back(host.io(), port, simulation, i, processes.autopilot);
     }
     for (DaemonProgram& daemon : daemons_of(world, robot, options, place, clocks[i], directories)) {
-      std::filesystem::remove(daemon.log);  // of an earlier flight
       daemon.start(children);
       daemons.push_back(std::move(daemon));
     }

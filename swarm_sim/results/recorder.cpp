@@ -1,6 +1,6 @@
 #include "swarm_sim/results/recorder.h"
 
-#include <stdexcept>
+#include <regex>
 
 #include "lcmtypes/bus/text.h"
 
@@ -10,15 +10,22 @@ namespace {
 constexpr int kDecimals = 6;
 constexpr int kSwarmBus = -1;  // among the robots' ids
 
-[[noreturn]] void fail(const AtomicFile& file) {
-  throw std::runtime_error(file.path().string() + ": cannot be written");
-}
-
 }  // namespace
+
+void remove_results(const std::filesystem::path& directory) {
+  static const std::regex results(
+      "(trace|commanded)\\.csv|report\\.json|(swarm|robot[0-9]+)\\.lcm|robot[0-9]+-[a-z]+\\.(log|cfg)");
+  std::vector<std::filesystem::path> found;
+  for (const auto& entry : std::filesystem::directory_iterator(directory)) {
+    if (entry.is_regular_file() && std::regex_match(entry.path().filename().string(), results))
+      found.push_back(entry.path());
+  }
+  for (const std::filesystem::path& file : found) std::filesystem::remove(file);
+}
 
 TraceWriter::TraceWriter(const std::filesystem::path& path) : file_(path), out_(file_.temporary(), std::ios::binary) {
   out_ << "t,robot,x,y,z,vx,vy,vz,ax,ay,az\n";
-  if (!out_) fail(file_);
+  if (!out_) fail_to_write(file_.path());
 }
 
 void TraceWriter::write(double t_s, int robot_id, const MotionState& state) {
@@ -33,12 +40,12 @@ void TraceWriter::write(double t_s, int robot_id, const MotionState& state) {
     }
   }
   line_ += '\n';
-  if (!(out_ << line_)) fail(file_);
+  if (!(out_ << line_)) fail_to_write(file_.path());
 }
 
 void TraceWriter::close() {
   out_.close();
-  if (!out_) fail(file_);
+  if (!out_) fail_to_write(file_.path());
   file_.commit();
 }
 
@@ -60,7 +67,7 @@ void FlightTrace::close() {
 }
 
 BusLog::Log::Log(const std::filesystem::path& path) : file(path), log(file.temporary().string(), "w") {
-  if (!log.good()) fail(file);
+  if (!log.good()) fail_to_write(file.path());
 }
 
 BusLog::BusLog(const std::filesystem::path& directory, const std::vector<int>& robot_ids) {
@@ -76,13 +83,13 @@ void BusLog::write(BusId bus, int robot_id, Utime utime, std::string_view channe
   event.channel = channel;
   event.datalen = static_cast<std::int32_t>(bytes.size());
   event.data = const_cast<std::uint8_t*>(bytes.data());  // only read
-  if (log.log.writeEvent(&event) != 0) fail(log.file);
+  if (log.log.writeEvent(&event) != 0) fail_to_write(log.file.path());
 }
 
 // The data must be on its way to the disk before the name appears; the stream itself is closed by its destructor.
 void BusLog::close() {
   for (auto& [id, log] : logs_) {
-    if (std::fflush(log.log.getFilePtr()) != 0) fail(log.file);
+    if (std::fflush(log.log.getFilePtr()) != 0) fail_to_write(log.file.path());
     log.file.commit();
   }
   logs_.clear();

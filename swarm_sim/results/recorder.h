@@ -19,6 +19,10 @@
 
 namespace swarm {
 
+// What an earlier flight has left in a directory, but its world: of another mode or other robots, it would be taken for
+// this one's.
+void remove_results(const std::filesystem::path& directory);
+
 // trace.csv: t,robot,x,y,z,vx,vy,vz,ax,ay,az, six digits after the point; s, id, m, m/s, m/s^2 in W.
 class TraceWriter {
  public:

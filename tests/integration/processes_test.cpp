@@ -207,14 +207,20 @@ TEST_F(Processes, AnEndlessFlightIsToldWhereToGoAndEndsWhenItIsEnded) {
   EXPECT_LT(report["robots"][1]["path_length"], 0.5);
 }
 
-TEST_F(Processes, InterruptEndsAllAndLeavesNoResult) {
+TEST_F(Processes, InterruptEndsAllAndKeepsWhatWasFlown) {
   Program program(command("run"));
   wait_until_it_flies(program);
   program.signal(SIGINT);
   EXPECT_EQ(program.wait(3.0 * kPatience), 130) << program.err();
   EXPECT_TRUE(no_daemon_within(0.0));
-  EXPECT_EQ(results("run"), std::set<std::string>{});
-  EXPECT_NE(program.err().find("interrupted"), std::string::npos) << program.err();
+  EXPECT_EQ(results("run"),
+            (std::set<std::string>{"robot0.lcm", "robot1.lcm", "swarm.lcm", "trace.csv", "world.json"}));
+  EXPECT_NE(program.err().find("interrupted; what was flown is in "), std::string::npos) << program.err();
+  // The next flight, in another mode, leaves nothing of this one.
+  EXPECT_TRUE(fs::exists(directory_ / "run/robot0-map.log"));
+  EXPECT_EQ(run_program({"swarm_sim", "run", directory_ / "world.json", "--out", directory_ / "run"}, 60.0).exit_code,
+            0);
+  EXPECT_FALSE(fs::exists(directory_ / "run/robot0-map.log"));
 }
 
 TEST_F(Processes, DaemonsDoNotOutliveAKilledSimulator) {

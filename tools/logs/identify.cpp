@@ -7,6 +7,7 @@
 #include <map>
 #include <optional>
 
+#include "lcmtypes/bus/atomic_file.h"
 #include "lcmtypes/bus/channels.h"
 #include "lcmtypes/bus/lcm_log.h"
 #include "lcmtypes/bus/option_set.h"
@@ -118,7 +119,7 @@ void write_csv(const std::string& path, const std::vector<RecordedFlight>& fligh
     }
   }
   file.flush();
-  if (!file) throw std::runtime_error(path + ": cannot be written");
+  if (!file) fail_to_write(path);
 }
 
 // What the attitude can follow: an axis that accelerates as fast as in these flights has as much more to turn the

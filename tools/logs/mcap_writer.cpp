@@ -96,7 +96,7 @@ McapWriter::~McapWriter() = default;
 
 void McapWriter::put(std::span<const std::uint8_t> bytes) {
   out_.write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
-  if (!out_) throw std::runtime_error(file_.path().string() + ": cannot be written");
+  if (!out_) fail_to_write(file_.path());
   crc_ = crc32(bytes, crc_);
   position_ += bytes.size();
 }
@@ -218,7 +218,7 @@ void McapWriter::close() {
   put(summary_section);
   put(kMagic);
   out_.close();
-  if (!out_) throw std::runtime_error(file_.path().string() + ": cannot be written");
+  if (!out_) fail_to_write(file_.path());
   file_.commit();
 }
 
