@@ -1,14 +1,12 @@
 // The view as a program: its page, its stream, and what a real browser shows of a real flight.
-// Long because every thing that the page can be told or asked is tried on the program that runs.
 #include <octomap/OcTree.h>
 
 #include "lcmtypes/bus/channels.h"
 #include "lcmtypes/bus/lcm_bus.h"
 #include "lcmtypes/bus/realtime_host.h"
-#include "swarm_sim/hosts/lockstep.h"
-#include "swarm_sim/results/recorder.h"
 #include "swarm_sim/world/world_generator.h"
 #include "swarm_sim/world/world_json.h"
+#include "tests/support/view_program.h"
 #include "tests/support/web_browser.h"
 
 namespace swarm::test {
@@ -16,83 +14,13 @@ namespace {
 
 using boost::beast::http::verb;
 
-// Files in place of three.js, for whoever only wants the stream.
-class View {
- public:
-  explicit View(std::vector<std::string> words) {
-    for (const char* name :
-         {"build/three.min", "examples/js/controls/OrbitControls", "examples/js/lines/LineSegmentsGeometry",
-          "examples/js/lines/LineGeometry", "examples/js/lines/LineMaterial", "examples/js/lines/LineSegments2",
-          "examples/js/lines/Line2"}) {
-      const auto path = three_ / (std::string(name) + ".js");
-      std::filesystem::create_directories(path.parent_path());
-      write_text(path, "// " + std::string(name));
-    }
-    words.insert(words.begin(), "swarm_view");
-    words.insert(words.end(), {"--port", "0", "--base-port", std::to_string(base_port())});
-    if (std::find(words.begin(), words.end(), "--three") == words.end())
-      words.insert(words.end(), {"--three", three_ / ""});
-    program_.emplace(words);
-    wait_for(20.0, [&] {
-      const std::string out = program_->out();
-      const std::size_t at = out.find("http://127.0.0.1:");
-      if (at != out.npos && out.find('/', at + 8) != out.npos) port_ = std::atoi(out.c_str() + at + 17);
-      return port_ != 0 || !program_->running();
-    });
-    if (port_ == 0) throw std::runtime_error("the view does not start: " + program_->err());
-  }
-
-  int port() const { return port_; }
-  Program& program() { return *program_; }
-  std::int64_t resident_kb() const {
-    std::istringstream status(read_text("/proc/" + std::to_string(program_->pid()) + "/status"));
-    for (std::string word; status >> word;) {
-      std::int64_t size = 0;
-      if (word == "VmRSS:" && status >> size) return size;
-    }
-    return 0;
-  }
-
- private:
-  TemporaryDirectory three_;
-  std::optional<Program> program_;
-  int port_ = 0;
-};
-
-std::string onboard_url(int robot) {
-  return "udpm://239.255.76.67:" + std::to_string(base_port() + 33 + robot) + "?ttl=0";
-}
-
-// A robot that hovers, by its state and its announcement.
-void publish(LcmBus& bus, int robot, const Eigen::Vector3d& position, std::int64_t seq) {
-  const Utime now = wall_utime();
-  EXPECT_TRUE(bus.publish(channel::kRobotState, encoded(state_at(robot, position, seq, now))));
-  sogm_swarm::announcement_t announcement{};
-  announcement.header = make_header(robot, 1, seq, now);
-  announcement.radius = 0.25f;
-  announcement.committed = Trajectory::hover(1, now, position).to_wire();
-  announcement.least_delay_us = sogm_swarm::announcement_t::kUnknown;
-  EXPECT_TRUE(bus.publish(channel::kOwnTrajectory, encoded(announcement)));
-}
-
-// A short flight in lock-step, recorded.
-void fly(const World& world, const std::filesystem::path& out) {
-  std::filesystem::create_directories(out);
-  BusLog logs(out, {0, 1});
-  FlightOptions options;
-  options.time_limit_s = 2.0;
-  run_lockstep(world, nullptr, options, {}, &logs, nullptr, nullptr);
-  logs.close();
-}
-void fly(const std::filesystem::path& out) {
-  fly(make_world(Task::kCircle, Environment::kPure, 6, 1, {.robots = 2, .circle_m = 2.5}), out);
-}
-
 TEST(View, ServesItsPageAndNothingElse) {
   View view({});
   EXPECT_NE(web_request(view.port(), "/").body.find("<title>Swarm view</title>"), std::string::npos);
   EXPECT_NE(web_request(view.port(), "/view.js").body.find("function connect"), std::string::npos);
   EXPECT_NE(web_request(view.port(), "/scene.js?again").body.find("class SwarmScene"), std::string::npos);
+  for (const char* script : {"labels", "plots", "mission", "keys"})
+    EXPECT_EQ(web_request(view.port(), "/" + std::string(script) + ".js").status, 200) << script;
   EXPECT_EQ(web_request(view.port(), "/three.js").body, "// build/three.min");
   EXPECT_EQ(web_request(view.port(), "/../../etc/passwd").status, 404);
   EXPECT_EQ(web_request(view.port(), "/", "localhost", verb::post).status, 405);
@@ -129,8 +57,8 @@ TEST(View, ShowsWhatTheBusesSayAndThatTheyAreSilent) {
   LcmBus first(onboard_url(0)), second(onboard_url(1));
   std::int64_t seq = 0;
   const auto frame = watcher.until([&](const ViewFrame&) {
-    publish(first, 0, {1.0, 2.0, 3.0}, ++seq);
-    publish(second, 1, {-1.5, 0.25, 1.125}, seq);
+    publish_hover(first, 0, {1.0, 2.0, 3.0}, ++seq);
+    publish_hover(second, 1, {-1.5, 0.25, 1.125}, seq);
     EXPECT_TRUE(first.publish(channel::kRobotState, Bytes(92, 7)));
     return seq == 60;
   });
@@ -232,7 +160,9 @@ TEST(View, SendsGoalsOnlyWhenAllowed) {
       EXPECT_EQ(decode(bytes, &goals.emplace_back()), Refusal::kNone);
     });
     EXPECT_EQ(watcher.next().text["allow_goals"], allowed);
-    watcher.tell(R"({"goal": {"robot": 0, "position": [1.5, -2, 1]}})");
+    watcher.tell(
+        R"({"goal": {"robot": 0, "waypoints": [{"position": [1.5, -2, 1]}, {"position": [1, 2, 3], "wait_s": 4}],
+                      "times": 2}})");
     const auto answer = watcher.until([&](const ViewFrame& frame) {
       bus.drain();
       return allowed ? !goals.empty() : frame.text.contains("error");
@@ -246,14 +176,17 @@ TEST(View, SendsGoalsOnlyWhenAllowed) {
     EXPECT_EQ(goals[0].header.robot_id, 0);
     EXPECT_EQ(goals[0].waypoints[0].position[0], 1.5);
     EXPECT_EQ(goals[0].waypoints[0].position[1], -2.0);
+    ASSERT_EQ(goals[0].num_waypoints, 4);
+    EXPECT_EQ(goals[0].waypoints[3].position[2], 3.0);
+    EXPECT_EQ(goals[0].waypoints[3].wait, 4.0);
     int errors = 0;
-    for (const char* bad :
-         {R"({"order": {"robots": [0], "name": "jump"}})",
-          R"({"order": {"robots": [0], "name": "take-off", "height": 0}})",
-          R"({"order": {"robots": [7], "name": "land"}})", R"({"order": {"name": "land"}})",
-          R"({"goal": {"robot": 7, "position": [0, 0, 1]}})", R"({"goal": {"robot": 0, "position": [0, 0, 1e9]}})",
-          R"({"goal": {"robot": 0, "position": [0, 0]}})", R"({"goal": {"position": [0, 0, 1]}})", R"({"goal": 3})",
-          R"({"play": true})", "[]", "{", R"({"select": "me"})", R"({"frame": null})"}) {
+    for (const char* bad : {R"({"order": {"robots": [0], "name": "jump"}})",
+                            R"({"order": {"robots": [0], "name": "take-off", "height": 0}})",
+                            R"({"order": {"robots": [7], "name": "land"}})", R"({"order": {"name": "land"}})",
+                            R"({"goal": {"robot": 7, "waypoints": [{"position": [0, 0, 1]}]}})",
+                            R"({"goal": {"robot": 0, "waypoints": [{"position": [0, 0, 1e9]}]}})",
+                            R"({"goal": {"robot": 0, "waypoints": []}})", R"({"goal": 3})", R"({"play": true})", "[]",
+                            "{", R"({"select": "me"})", R"({"frame": null})"}) {
       watcher.tell(bad);
       const auto refused = watcher.until([&](const ViewFrame& frame) {
         return frame.text.contains("error") && frame.text["error"]["number"] > errors;
@@ -339,13 +272,12 @@ TEST(View, PlaysADamagedLog) {
 using Places = std::map<int, std::vector<Eigen::Vector3d>>;
 
 TEST(View, BrowserShowsWhatTheBusSays) {
-  if (!Browser::is_installed() || !std::filesystem::exists("/usr/share/javascript/three"))
-    GTEST_SKIP() << "Chromium or libjs-three is not installed (tools/setup --view --browser)";
+  if (!can_browse()) GTEST_SKIP() << kCannotBrowse;
   TemporaryDirectory directory;
   const World world = make_world(Task::kCircle, Environment::kPure, 3, 1, {.robots = 2, .circle_m = 2.5});
   write_text(directory / "world.json", to_json_text(world, directory.path()));
   write_text(directory / "slow.cfg", "lead = 0.4\nperiod = 0.3\nstale-map = 2\n");
-  View view({"--world", directory / "world.json", "--three", "/usr/share/javascript/three"});
+  View view({"--world", directory / "world.json", "--three", kThree});
   Browser browser("http://127.0.0.1:" + std::to_string(view.port()) + "/");
   EXPECT_TRUE(browser.wait_until(30.0 * kPatience, "typeof shown !== 'undefined' && shown().mode === 'live'"));
   EXPECT_TRUE(browser.wait_until(5.0, "shown().message.startsWith('Nothing heard yet on udpm://')"));
@@ -392,13 +324,12 @@ TEST(View, BrowserShowsWhatTheBusSays) {
 
 // Scans and what stands of a robot that sees with a LiDAR, and the peer that is no obstacle.
 TEST(View, BrowserShowsWhatSensorsSee) {
-  if (!Browser::is_installed() || !std::filesystem::exists("/usr/share/javascript/three"))
-    GTEST_SKIP() << "Chromium or libjs-three is not installed (tools/setup --view --browser)";
+  if (!can_browse()) GTEST_SKIP() << kCannotBrowse;
   TemporaryDirectory out;
   World world = make_world(Task::kCircle, Environment::kPure, 6, 1, {.robots = 2, .circle_m = 2.5});
   world.sensor.kind = "lidar";
   fly(world, out.path());
-  View view({out / "robot0.lcm", out / "robot1.lcm", out / "swarm.lcm", "--three", "/usr/share/javascript/three"});
+  View view({out / "robot0.lcm", out / "robot1.lcm", out / "swarm.lcm", "--three", kThree});
   Browser browser("http://127.0.0.1:" + std::to_string(view.port()) + "/");
   ASSERT_TRUE(browser.wait_until(30.0 * kPatience, "typeof shown !== 'undefined' && shown().robots.length === 2"));
   (void)browser.evaluate("tell({seek: 1.5, play: false}), select(1)");
@@ -410,60 +341,6 @@ TEST(View, BrowserShowsWhatSensorsSee) {
   (void)browser.evaluate("select(null)");
   EXPECT_TRUE(browser.wait_until(10.0 * kPatience, "shown().scan + shown().standing + shown().masks === 0"))
       << browser.evaluate("shown()");
-}
-
-// Buttons give orders, to the robot that is looked at or to all; an emergency is asked for.
-TEST(View, BrowserGivesOrders) {
-  if (!Browser::is_installed() || !std::filesystem::exists("/usr/share/javascript/three"))
-    GTEST_SKIP() << "Chromium or libjs-three is not installed (tools/setup --view --browser)";
-  View view({"--onboard", "0,1", "--allow-goals", "true", "--three", "/usr/share/javascript/three"});
-  std::map<int, std::vector<sogm_swarm::order_t>> orders;
-  LcmBus first(onboard_url(0)), second(onboard_url(1));
-  for (LcmBus* bus : {&first, &second}) {
-    bus->subscribe(channel::kFlightOrder, [&](std::string_view, std::span<const std::uint8_t> bytes) {
-      sogm_swarm::order_t order;
-      EXPECT_EQ(decode(bytes, &order), Refusal::kNone);
-      orders[order.header.robot_id].push_back(order);
-    });
-  }
-  Browser browser("http://127.0.0.1:" + std::to_string(view.port()) + "/");
-  std::int64_t seq = 0;
-  const auto live = [&](double seconds, const std::function<bool()>& enough) {
-    return wait_for(seconds * kPatience, [&] {
-      for (const int id : {0, 1}) {
-        sogm_swarm::flight_status_t status{};
-        status.header = make_header(id, 1, seq++, wall_utime());
-        status.state = sogm_swarm::flight_status_t::kHold;
-        status.order_boot = -1;
-        EXPECT_TRUE((id == 0 ? first : second).publish(channel::kFlightStatus, encoded(status)));
-      }
-      for (LcmBus* bus : {&first, &second})
-        while (bus->drain() > 0) continue;
-      return enough();
-    });
-  };
-  const auto shows = [&](const char* what) { return browser.evaluate(what) == WebJson(true); };
-  ASSERT_TRUE(live(30.0, [&] {
-    return shows(
-        "typeof shown !== 'undefined' && shown().cards.filter((c) => c.includes('holding its place')).length === 2");
-  })) << browser.evaluate("shown()");
-  const auto click = [&](const char* name) {
-    (void)browser.evaluate("document.querySelector('[data-order=" + std::string(name) + "]').click()");
-  };
-  (void)browser.evaluate("select(1), document.getElementById('height').value = 2");
-  click("take-off");
-  EXPECT_TRUE(live(10.0, [&] { return !orders[1].empty(); }));
-  EXPECT_TRUE(orders[0].empty());
-  EXPECT_EQ(orders[1].back().order, sogm_swarm::order_t::kTakeOff);
-  EXPECT_EQ(orders[1].back().height, 2.0);
-  (void)browser.evaluate("document.getElementById('order-all').checked = true, window.confirm = () => false");
-  click("emergency");
-  click("land");
-  EXPECT_TRUE(live(10.0, [&] { return !orders[0].empty() && orders[1].back().order == sogm_swarm::order_t::kLand; }));
-  EXPECT_EQ(orders[0].front().order, sogm_swarm::order_t::kLand) << "the emergency was taken back";
-  (void)browser.evaluate("window.confirm = () => true");
-  click("emergency");
-  EXPECT_TRUE(live(10.0, [&] { return orders[0].back().order == sogm_swarm::order_t::kEmergency; }));
 }
 
 }  // namespace

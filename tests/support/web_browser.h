@@ -126,10 +126,34 @@ class Browser {
   bool wait_until(double seconds, const std::string& expression) {
     return wait_for(seconds, [&] { return evaluate(expression) == true; });
   }
+  // By the mouse, so often one after the other; by the keyboard.
+  void click(double x, double y, int times = 1) {
+    for (int count = 1; count <= times; ++count)
+      for (const char* type : {"mousePressed", "mouseReleased"}) mouse(type, x, y, count);
+  }
+  // On the middle of the element that is named so, in CSS.
+  void click_on(const std::string& selector) {
+    const WebJson box = evaluate("document.querySelector('" + selector + "').getBoundingClientRect().toJSON()");
+    if (!box.is_object()) throw std::runtime_error("the page has no " + selector);
+    click(box["x"].get<double>() + 0.5 * box["width"].get<double>(),
+          box["y"].get<double>() + 0.5 * box["height"].get<double>());
+  }
+  void drag(double x, double y, double to_x, double to_y) {
+    mouse("mousePressed", x, y, 1);
+    mouse("mouseMoved", to_x, to_y, 0);
+    mouse("mouseReleased", to_x, to_y, 1);
+  }
+  void press(const std::string& key) {
+    for (const char* type : {"keyDown", "keyUp"}) (void)call("Input.dispatchKeyEvent", {{"type", type}, {"key", key}});
+  }
   // A PNG file, base64.
   std::string screenshot() { return call("Page.captureScreenshot", {{"format", "png"}}).value("data", ""); }
 
  private:
+  void mouse(const char* type, double x, double y, int clicks) {
+    (void)call("Input.dispatchMouseEvent",
+               {{"type", type}, {"x", x}, {"y", y}, {"button", "left"}, {"buttons", 1}, {"clickCount", clicks}});
+  }
   WebJson call(const std::string& method, const WebJson& parameters) {
     tools_->send(WebJson{{"id", ++calls_}, {"method", method}, {"params", parameters}}.dump());
     for (;;) {

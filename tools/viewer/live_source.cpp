@@ -10,6 +10,7 @@
 #include "lcmtypes/bus/recurring.h"
 #include "planner_daemon/trajectory/mission.h"
 #include "tools/operator/goal_order.h"
+#include "tools/viewer/goal_json.h"
 
 namespace swarm {
 namespace {
@@ -46,9 +47,9 @@ class LiveSource::Listener : public Node {
   }
 
   // The newest goal wins, by the time its sender started.
-  void send_goal(const Eigen::Vector3d& position) {
+  void send_goal(const Mission& mission) {
     send_order(sogm_swarm::order_t::kFly, 0.0);  // it may hold its place
-    goal_.take(to_goal({{position}}), robot_);
+    goal_.take(to_goal(mission), robot_);
   }
   void send_order(std::int16_t order, double height_m) {
     sogm_swarm::order_t message{};
@@ -118,9 +119,7 @@ class LiveSource::View : public PictureSource {
       return;
     }
     if (!command.contains("goal")) throw std::runtime_error("only a log can be played");
-    const Json& goal = command["goal"];
-    const auto position = goal.at("position").get<std::array<double, 3>>();
-    source_->send_goal(goal.at("robot").get<int>(), Eigen::Vector3d(position.data()));
+    source_->send_goal(command["goal"]);
   }
 
  private:
@@ -145,11 +144,10 @@ std::unique_ptr<PictureSource> LiveSource::view() {
   return std::make_unique<View>(this);
 }
 
-void LiveSource::send_goal(int robot, const Eigen::Vector3d& position) {
+void LiveSource::send_goal(const Json& goal) {
   if (!options_.allow_goals) throw std::runtime_error("goals are not allowed: start with --allow-goals true");
-  if (!(position.array().abs() <= kMaxPosition_m).all())
-    throw std::runtime_error("goal: each coordinate must be within +-1e5 m");
-  listener_of(robot, "goal").send_goal(position);
+  const GoalOrder order = read_goal(goal);
+  listener_of(order.robot_id, "goal").send_goal(order.mission);
 }
 
 void LiveSource::send_order(int robot, const std::string& name, double height_m) {

@@ -30,7 +30,7 @@ class LiveSource {
   class View;
 
   // A few times, for a bus may lose it.
-  void send_goal(int robot, const Eigen::Vector3d& position);
+  void send_goal(const Json& goal);
   void send_order(int robot, const std::string& name, double height_m);
   Listener& listener_of(int robot, const char* what);
 

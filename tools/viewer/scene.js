@@ -5,6 +5,13 @@
 const ROBOT_COLORS = ["#d1495b", "#00798c", "#8b5fbf", "#c77d0a", "#3d5a80", "#5c8001", "#7c3626", "#b5179e"];
 const robotColor = (id) => ROBOT_COLORS[id % ROBOT_COLORS.length];
 
+// Gives back what a part that is no longer drawn had of the graphics processor.
+function discard(part) {
+  if (!part.isSprite) part.geometry.dispose();  // all sprites share one
+  if (part.material.map) part.material.map.dispose();
+  part.material.dispose();
+}
+
 // Cubes that the graphics processor places itself: per cube four numbers, whose meaning `place` (GLSL) knows.
 class Cubes {
   constructor(Numbers, place, uniforms, opacity) {
@@ -55,23 +62,6 @@ class Cubes {
     this.mesh.geometry.maxInstancedCount = this.count;
     this.mesh.visible = this.count > 0;
   }
-}
-
-function label(text, color) {
-  const canvas = document.createElement("canvas");
-  canvas.width = canvas.height = 64;
-  const context = canvas.getContext("2d");
-  context.font = "bold 44px sans-serif";
-  context.textAlign = "center";
-  context.textBaseline = "middle";
-  context.lineWidth = 8;
-  context.strokeStyle = "white";
-  context.strokeText(text, 32, 34);
-  context.fillStyle = color;
-  context.fillText(text, 32, 34);
-  const sprite = new THREE.Sprite(new THREE.SpriteMaterial({ map: new THREE.CanvasTexture(canvas), depthTest: false }));
-  sprite.scale.set(0.7, 0.7, 1);
-  return sprite;
 }
 
 class SwarmScene {
@@ -138,6 +128,7 @@ class SwarmScene {
     this.scene.add(this.obstacleGroup);
     this.obstacles = new Map();
     this.robots = new Map();
+    this.names = [];  // as they were placed last: {id, box}, see spreadLabels
     window.addEventListener("resize", () => this.resize());
     this.resize();
   }
@@ -180,9 +171,7 @@ class SwarmScene {
     const robot = this.robots.get(id);
     for (const part of [robot.body, robot.goal, robot.name, ...Object.values(robot.lines)]) {
       this.scene.remove(part);
-      if (!part.isSprite) part.geometry.dispose();
-      if (part.material.map) part.material.map.dispose();
-      part.material.dispose();
+      discard(part);
     }
     this.robots.delete(id);
   }
@@ -204,7 +193,7 @@ class SwarmScene {
     for (const told of robots) {
       const robot = this.robots.get(told.id) || this.addRobot(told.id);
       const place = told.position;
-      robot.body.visible = robot.name.visible = Boolean(place);
+      robot.body.visible = Boolean(place);
       if (place) {
         robot.body.position.set(...place);
         robot.body.scale.setScalar(told.radius || 0.2);
@@ -271,10 +260,7 @@ class SwarmScene {
   removeObstacle(id) {
     const { mesh, shell, arrow } = this.obstacles.get(id);
     this.obstacleGroup.remove(mesh, arrow);
-    for (const part of [mesh, shell]) {
-      part.geometry.dispose();
-      part.material.dispose();
-    }
+    for (const part of [mesh, shell]) discard(part);
     arrow.line.material.dispose();
     arrow.cone.material.dispose();
     this.obstacles.delete(id);
@@ -330,7 +316,7 @@ class SwarmScene {
     const box = new THREE.Box3().setFromPoints(places.map((place) => new THREE.Vector3(...place)));
     const size = Math.max(4, box.getSize(new THREE.Vector3()).length());
     box.getCenter(this.controls.target);
-    this.camera.position.copy(this.controls.target).add(new THREE.Vector3(0, -0.7 * size, 0.62 * size));
+    this.camera.position.copy(this.controls.target).add(new THREE.Vector3(0, -0.8 * size, 0.7 * size));
   }
 
   // Where the ray through a pixel meets a height; null: nowhere.
@@ -346,8 +332,18 @@ class SwarmScene {
     this.controls.target.copy(target);
   }
 
+  // The names of robots that are seen, none of them over another.
+  placeNames() {
+    this.camera.updateMatrixWorld();
+    const named = [...this.robots].filter(([, robot]) => robot.body.visible);
+    for (const robot of this.robots.values()) robot.name.visible = false;
+    const boxes = spreadLabels(named.map(([, robot]) => robot.name), this.camera, window.innerWidth, window.innerHeight);
+    this.names = named.map(([id], i) => ({ id: id, box: boxes[i] }));
+  }
+
   draw() {
     this.controls.update();
+    this.placeNames();
     this.renderer.render(this.scene, this.camera);
   }
 }

@@ -2,13 +2,17 @@
 "use strict";
 
 const element = (id) => document.getElementById(id);
-const scene = new SwarmScene();
+const scene = new SwarmScene(), plots = new Plots(element("plots")), mission = new MissionEditor(scene);
+const kStill = 4;  // pixels that the mouse may move in a click
 const wish = { select: null, frame: -1 };  // whose SOGM and corridors, and which frame of it
-let socket = null, frame = null, fps = 0, arrived = [], settingGoal = false, dragging = false, chosen = false, aimedAt = 0, cards = new Map(),
+let socket = null, frame = null, fps = 0, arrived = [], dragging = false, chosen = false, aimedAt = 0, cards = new Map(),
   cardsDrawn = 0;
 
+// Whether there is somebody to tell.
 function tell(command) {
-  if (socket && socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify(command));
+  const isOpen = Boolean(socket) && socket.readyState === WebSocket.OPEN;
+  if (isOpen) socket.send(JSON.stringify(command));
+  return isOpen;
 }
 
 function connect() {
@@ -32,6 +36,7 @@ function take(buffer) {
   while (arrived[0] < now - 2000) arrived.shift();
   fps = (arrived.length - 1) / Math.max(1e-3, 1e-3 * (now - arrived[0]));
 
+  plots.add(frame);
   scene.setRobots(frame.robots, numbers);
   aim();
   scene.setObstacles(frame.obstacles);
@@ -62,12 +67,26 @@ function take(buffer) {
   }
 }
 
+const allPlaces = () => frame.robots.flatMap((robot) => [robot.position, robot.goal].filter(Boolean));
+
 // At all robots and goals, as they come to be known, until the user turns the picture.
 function aim() {
-  const places = frame.robots.flatMap((robot) => [robot.position, robot.goal].filter(Boolean));
+  const places = allPlaces();
   if (places.length <= aimedAt) return;
   aimedAt = places.length;
   scene.aim(places);
+}
+
+function lookAt(places) {
+  aimedAt = Infinity;
+  scene.aim(places);
+}
+const lookAtAll = () => { if (frame) lookAt(allPlaces()); };
+function lookAtChosen() {
+  if (!frame) return;
+  const robot = frame.robots.find((one) => one.id === wish.select);
+  const robots = robot ? [robot] : frame.robots;
+  lookAt(robots.map((one) => one.position).filter(Boolean));
 }
 
 function select(id) {
@@ -75,6 +94,7 @@ function select(id) {
   if (id !== wish.select) scene.forgetSelected();  // who has no sensors, or no map, sends none in their place
   wish.select = id;
   tell(wish);
+  mission.select(id);
   describe();
 }
 
@@ -94,10 +114,10 @@ function describe() {
   if (frame.refused > 0) messages.push(frame.refused + " messages could not be read.");
   element("state").textContent = state + ", " + fps.toFixed(0) + " frames/s";
   element("message").textContent = messages.join(" ");
-  element("goal-row").hidden = element("order-row").hidden = !frame.allow_goals;
+  element("orders").hidden = !frame.allow_goals;
   element("sight-row").hidden = !frame.robots.some((robot) => robot.has_sensors);
-  element("goal").textContent = settingGoal ? "Click into the scene" : "Set its goal";
-  element("goal").classList.toggle("on", settingGoal);
+  element("plots").hidden = !element("show-plots").checked;
+  if (element("show-plots").checked) plots.draw(frame.robots.map((robot) => robot.id), wish.select);
   describeChoice();
   describePlayer();
   for (const id of [...cards.keys()]) {
@@ -211,21 +231,29 @@ element("slider").oninput = (event) => {
 element("slider").onchange = () => { dragging = false; };
 element("play").onclick = () => tell({ play: !frame.playing });
 element("speed").onchange = (event) => tell({ speed: Number(event.target.value) });
-element("goal").onclick = (event) => {
-  event.preventDefault();
-  settingGoal = !settingGoal;
-  describe();
-};
-scene.renderer.domElement.addEventListener("click", (event) => {
-  if (!settingGoal || wish.select === null) return;
+element("show-plots").onchange = () => describe();
+
+// Where the mouse is in the scene, at the height that was set, to the centimetre; null: nowhere.
+function pointOf(event) {
   const point = scene.pointAt(event.clientX, event.clientY, Number(element("height").value));
-  if (point) tell({ goal: { robot: wish.select, position: point.toArray() } });
-  settingGoal = false;
-  describe();
+  return point && point.toArray().map((coordinate) => Math.round(100 * coordinate) / 100);
+}
+let pressed = [0, 0];
+scene.renderer.domElement.addEventListener("mousedown", (event) => { pressed = [event.clientX, event.clientY]; });
+scene.renderer.domElement.addEventListener("click", (event) => {
+  const isStill = Math.hypot(event.clientX - pressed[0], event.clientY - pressed[1]) <= kStill;  // else it turned the view
+  if (!isStill || !canGiveOrders() || !mission.isOpen || wish.select === null) return;
+  const point = pointOf(event);
+  if (point) mission.add(point);
+});
+scene.renderer.domElement.addEventListener("dblclick", (event) => {
+  if (!canGiveOrders() || mission.isOpen || wish.select === null) return;
+  const point = pointOf(event);
+  if (point) tell({ goal: { robot: wish.select, waypoints: [{ position: point }] } });
 });
 
 // An order to the robot that is looked at, or to all; what cannot be taken back is asked for first.
-for (const button of element("order-row").querySelectorAll("button")) {
+for (const button of element("orders").querySelectorAll("[data-order]")) {
   button.onclick = (event) => {
     event.preventDefault();
     const name = button.dataset.order, all = element("order-all").checked;
@@ -259,6 +287,11 @@ window.shown = () => ({
   state: element("state").textContent,
   message: element("message").textContent,
   cards: [...cards.values()].map((card) => card.root.innerText),
+  names: scene.names,
+  samples: PLOTS.map((plot, i) => [plot.name, frame ? frame.robots.map((robot) => plots.series(robot.id, i).filter(Boolean).length) : []]),
+  waypoints: mission.isOpen && wish.select !== null ? mission.draft().waypoints : [],
+  marks: mission.drawn.children.filter((part) => part.isMesh).length,
+  camera: { position: scene.camera.position.toArray(), target: scene.controls.target.toArray() },
   memory: { ...scene.renderer.info.memory },
 });
 

@@ -50,21 +50,20 @@ void declare(OptionSet& options, ViewOptions& view) {
   options.add("three", &view.three, "directory of three.js, as Debian's package libjs-three has it");
 }
 
-WebFile script(const std::string& path) {
+WebFile three_script(const std::string& path) {
   std::ifstream in(path, std::ios::binary);
   if (!in) throw std::runtime_error(path + ": cannot be read; install libjs-three (tools/setup --view) or set --three");
   return {{std::istreambuf_iterator<char>(in), {}}, "text/javascript; charset=utf-8"};
 }
 
 WebServer::Files page(const std::string& three) {
-  WebServer::Files files = {{"/", {kPageHtml, "text/html; charset=utf-8"}},
-                            {"/view.js", {kPageScript, "text/javascript; charset=utf-8"}},
-                            {"/scene.js", {kSceneScript, "text/javascript; charset=utf-8"}}};
-  files["/three.js"] = script(three + "/build/three.min.js");
+  WebServer::Files files = {{"/", {kPageHtml, "text/html; charset=utf-8"}}};
+  for (const PageScript& script : kPageScripts) files[script.path] = {script.text, "text/javascript; charset=utf-8"};
+  files["/three.js"] = three_script(three + "/build/three.min.js");
   for (const char* name : {"controls/OrbitControls", "lines/LineSegmentsGeometry", "lines/LineGeometry",
                            "lines/LineMaterial", "lines/LineSegments2", "lines/Line2"}) {
     const std::string path = std::string("/examples/js/") + name + ".js";
-    files[path] = script(three + path);
+    files[path] = three_script(three + path);
   }
   return files;
 }
