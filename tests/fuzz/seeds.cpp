@@ -204,9 +204,11 @@ void write_views(const Corpora& corpora) {
   for (std::size_t i = 0; i < std::size(kChannels); ++i)
     view.byte(i).word(50'000, 3).message(message_on(kChannels[i].name));
   view.byte(4).byte(0);  // pause
-  for (const std::uint64_t at : {20'000, 60'000, 5'000}) view.byte(5).byte(1).word(at, 2);
+  for (const std::uint64_t at : {20'000, 60'000, 5'000}) view.byte(6).byte(1).word(at, 2);
   view.byte(1).byte(1).byte(1).byte(2).byte(3).byte(3).byte(1).word(60'000, 2).byte(4).byte(1);
-  view.byte(0).part(R"({"goal": {"robot": 1, "position": [1, 2, 3]}})");
+  view.byte(0).part(R"({"goal": {"robot": 1, "waypoints": [{"position": [1, 2, 3], "wait_s": 4}], "times": 5}})");
+  view.byte(5).word(2, 2).byte(1).byte(0).word(40'000, 2).byte(0).word(30'000, 2).word(20'000, 2);  // a goal
+  view.byte(1).byte(0).word(1, 2).byte(1).word(5, 2).byte(1);                                       // waits, and again
   corpora.write("view", "commands", view);
   corpora.write("web_server", "page", Seed().byte(2).part("/").byte(2).part("/view.js").byte(3).part("localhost:80"));
   corpora.write("web_server", "stream", Seed().byte(7).byte(1).byte(0).part("\x81\x82\1\2\3\4zx"));

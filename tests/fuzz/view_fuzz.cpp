@@ -1,11 +1,13 @@
 // A browser that watches a log: events of any time and content, and commands of any kind between frames. Every frame
-// can be read and is of a time within the log.
+// can be read and is of a time within the log, and a goal that is taken is one that robots take.
 #include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "lcmtypes/bus/validate.h"
 #include "tests/fuzz/fuzz_input.h"
+#include "tools/viewer/goal_json.h"
 #include "tools/viewer/log_player.h"
 #include "tools/viewer/viewer.h"
 
@@ -55,6 +57,31 @@ Bytes log_of(FuzzInput& input) {
   return log;
 }
 
+// Mostly a good one, with one thing or the other that is none.
+Json goal(FuzzInput& input) {
+  const auto number = [&](double low, double high) { return input.flag() ? input.any_real() : input.real(low, high); };
+  Json goal = {{"robot", input.integer(-1, 40'000)}, {"waypoints", Json::array()}};
+  for (int left = input.byte() % 8; left > 0; --left) {
+    Json& waypoint = goal["waypoints"].emplace_back(Json::object());
+    waypoint["position"] = Json::array({number(-1e5, 1e5), number(-1e5, 1e5), input.real(0.0, 3.0)});
+    if (input.flag()) waypoint["wait_s"] = number(0.0, 86'400.0);
+  }
+  if (input.flag()) goal["times"] = input.integer(0, 1001);
+  if (input.byte() == 0) goal[input.text()] = input.byte();
+  return goal;
+}
+
+// As a source with robots takes it; this one has a log.
+void try_goal(const Json& goal) {
+  try {
+    const GoalOrder order = read_goal(goal);
+    expect(order.robot_id >= 0 && validate(to_goal(order.mission)) == Refusal::kNone,
+           "robots take a goal that is taken");
+  } catch (const std::runtime_error& error) {
+    expect(std::string_view(error.what()).find(": must ") != std::string_view::npos, "the line has the rule");
+  }
+}
+
 std::string command(FuzzInput& input, double length_s) {
   switch (input.byte() % 8) {
     case 0:
@@ -67,6 +94,11 @@ std::string command(FuzzInput& input, double length_s) {
       return Json{{"speed", input.flag() ? input.real(0.0, 200.0) : input.any_real()}}.dump();
     case 4:
       return Json{{"play", input.flag()}}.dump();
+    case 5: {
+      const Json sent = goal(input);
+      try_goal(sent);
+      return Json{{"goal", sent}}.dump(-1, ' ', false, Json::error_handler_t::replace);
+    }
     default:
       return Json{{"play", false}, {"seek", input.flag() ? input.real(0.0, length_s) : input.any_real()}}.dump();
   }
@@ -86,7 +118,10 @@ void try_input(FuzzInput input) {
   Viewer viewer(std::make_unique<LogPlayer>(*index), nullptr);
   Bytes frame;
   while (!input.empty()) {
-    viewer.on_message(command(input, to_seconds(index->length())));
+    const std::string text = command(input, to_seconds(index->length()));
+    const Json read = Json::parse(text, nullptr, false);
+    if (read.is_object() && read.contains("goal")) try_goal(read["goal"]);
+    viewer.on_message(text);
     viewer.next_frame(&frame);
     check_frame(frame);
   }
