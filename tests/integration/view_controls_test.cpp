@@ -206,6 +206,8 @@ TEST(ViewControls, MissionIsPlannedAndSent) {
   browser.press("Escape");
   EXPECT_TRUE(page.until("document.getElementById('mission').hidden"));
   EXPECT_TRUE(page.goals[1].empty());
+  (void)browser.evaluate("tell({goal: {robot: 0, waypoints: [{position: [0, 0, 1], wait_s: -1}]}})");
+  EXPECT_TRUE(page.until("shown().message === 'waypoint 1: wait_s -1: must be a number within [0, 86400]'"));
 }
 
 // What is shown, and from when.
@@ -276,6 +278,19 @@ TEST(ViewControls, PlotsShowTheLastMinute) {
   const WebJson values =
       page.browser().evaluate("[...document.querySelectorAll('.plot span')].map((span) => span.textContent)");
   EXPECT_EQ(values, WebJson({"0.00 m/s", "3.50 m", "1.50 ms", "21 ms"})) << "4 m apart, 0.25 m each";
+  // To the surface of every shape, turned by a quarter where that matters.
+  const std::map<std::string, double> distances = {
+      {"{shape: 'column', size: [1, 4, 0], yaw: 0, position: [3, 4, 1]}, [0, 0, 1]", 4.5},
+      {"{shape: 'column', size: [1, 4, 0], yaw: 0, position: [0, 0, 1]}, [0, 0, 5]", 2.0},
+      {"{shape: 'sphere', size: [1, 0, 0], yaw: 0, position: [1, 2, 3]}, [1, 2, 0]", 2.5},
+      {"{shape: 'box', size: [4, 1, 1], yaw: Math.PI / 2, position: [0, 0, 0]}, [2, 0, 0]", 1.5},
+      {"{shape: 'box', size: [4, 1, 1], yaw: 0, position: [0, 0, 0]}, [1, 0, 0]", 0.0},
+      {"{shape: 'ring', size: [2, 0.5, 0], yaw: 0, position: [0, 0, 1]}, [0, 0, 1]", 1.75},
+      {"{shape: 'ring', size: [2, 0.5, 0], yaw: Math.PI / 2, position: [0, 0, 0]}, [2, 3, 0]", 2.75}};
+  for (const auto& [obstacle_and_point, distance] : distances) {
+    EXPECT_NEAR(page.browser().evaluate("distanceTo(" + obstacle_and_point + ")").get<double>(), distance, 1e-9)
+        << obstacle_and_point;
+  }
   page.browser().press("p");
   EXPECT_TRUE(page.until("document.getElementById('plots').hidden"));
   page.click("#show-plots");

@@ -3,10 +3,11 @@
 
 const element = (id) => document.getElementById(id);
 const scene = new SwarmScene(), plots = new Plots(element("plots")), mission = new MissionEditor(scene);
-const kStill = 4;  // pixels that the mouse may move in a click
+const STILL_PIXELS = 4;       // that the mouse may move in a click
+const ERROR_SHOWN_MS = 10000;
 const wish = { select: null, frame: -1 };  // whose SOGM and corridors, and which frame of it
 let socket = null, frame = null, fps = 0, arrived = [], dragging = false, chosen = false, aimedAt = 0, cards = new Map(),
-  cardsDrawn = 0;
+  cardsDrawn = 0, error = { number: 0, since: 0 };
 
 // Whether there is somebody to tell.
 function tell(command) {
@@ -34,8 +35,9 @@ function take(buffer) {
   const now = performance.now();
   arrived.push(now);
   while (arrived[0] < now - 2000) arrived.shift();
-  fps = (arrived.length - 1) / Math.max(1e-3, 1e-3 * (now - arrived[0]));
+  fps = (arrived.length - 1) / Math.max(1, 1e-3 * (now - arrived[0]));
 
+  if (frame.error && frame.error.number !== error.number) error = { number: frame.error.number, since: now };
   plots.add(frame);
   scene.setRobots(frame.robots, numbers);
   aim();
@@ -101,7 +103,8 @@ function select(id) {
 // How the daemons are doing.
 function describe() {
   if (!frame) return;
-  const messages = [frame.warning, frame.error && frame.error.text].filter(Boolean);
+  const isNews = frame.error && performance.now() < error.since + ERROR_SHOWN_MS;
+  const messages = [frame.warning, isNews && frame.error.text].filter(Boolean);
   const heard = frame.robots.length;
   let state;
   if (frame.mode === "log") {
@@ -241,7 +244,7 @@ function pointOf(event) {
 let pressed = [0, 0];
 scene.renderer.domElement.addEventListener("mousedown", (event) => { pressed = [event.clientX, event.clientY]; });
 scene.renderer.domElement.addEventListener("click", (event) => {
-  const isStill = Math.hypot(event.clientX - pressed[0], event.clientY - pressed[1]) <= kStill;  // else it turned the view
+  const isStill = Math.hypot(event.clientX - pressed[0], event.clientY - pressed[1]) <= STILL_PIXELS;  // else it turned the view
   if (!isStill || !canGiveOrders() || !mission.isOpen || wish.select === null) return;
   const point = pointOf(event);
   if (point) mission.add(point);
