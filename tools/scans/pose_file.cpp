@@ -56,7 +56,10 @@ std::size_t PoseTrack::before(double t_s) const {
 }
 
 TimedPose PoseTrack::at(double t_s) const {
-  const TimedPose &a = poses_[before(t_s)], &b = poses_[before(t_s) + 1];
+  return pose_between(poses_[before(t_s)], poses_[before(t_s) + 1], t_s);
+}
+
+TimedPose pose_between(const TimedPose& a, const TimedPose& b, double t_s) {
   const double share = std::clamp((t_s - a.t_s) / (b.t_s - a.t_s), 0.0, 1.0);
   const double sign = a.orientation.dot(b.orientation) < 0.0 ? -1.0 : 1.0;
   const Eigen::Vector4d turned = (1.0 - share) * a.orientation.coeffs() + sign * share * b.orientation.coeffs();

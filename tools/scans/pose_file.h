@@ -13,6 +13,10 @@ struct TimedPose {
   Eigen::Quaterniond orientation = Eigen::Quaterniond::Identity();  // from sensor to W
 };
 
+// Between two poses, b later than a, at constant velocity and nearly constant rate, by arithmetic that is the same
+// everywhere; the first or the last one beyond them.
+TimedPose pose_between(const TimedPose& a, const TimedPose& b, double t_s);
+
 class PoseTrack {
  public:
   // Lines that are empty or begin with # are passed over. Throws std::runtime_error with path, line, what is wrong and
@@ -21,8 +25,7 @@ class PoseTrack {
 
   double begin_s() const { return poses_.front().t_s; }
   double end_s() const { return poses_.back().t_s; }
-  // Between the poses before and after it, at constant velocity and nearly constant rate, by arithmetic that is the
-  // same everywhere; the first or the last one beyond them.
+  // pose_between() those before and after it; the first or the last one beyond them.
   TimedPose at(double t_s) const;
   // W [m/s].
   Eigen::Vector3d velocity_at(double t_s) const;

@@ -1,33 +1,20 @@
 #include "tools/scans/scan_player.h"
 
 #include <algorithm>
-#include <cmath>
 #include <stdexcept>
 #include <string>
 #include <utility>
 
 #include "lcmtypes/bus/channels.h"
 #include "lcmtypes/bus/portable_math.h"
-#include "sogm_swarm/lidar_scan_t.hpp"
 #include "sogm_swarm/robot_state_t.hpp"
 #include "tools/scans/point_cloud_file.h"
+#include "tools/scans/scan_message.h"
 
 namespace swarm {
 namespace {
 
-using sogm_swarm::lidar_scan_t;
-
-constexpr double kPointUnit_m = 0.005;
-constexpr double kReach_m = 32'000 * kPointUnit_m;  // what is further away is free up to there
-constexpr std::size_t kPointsPerPart = lidar_scan_t::kMaxCoordinates / 3;
-constexpr std::size_t kMostPoints = kPointsPerPart * lidar_scan_t::kMaxParts;
 constexpr Duration kStatePeriod = 20ms, kLate = 100ms;
-
-// Of them evenly so many that they fit.
-void thin(std::size_t every, std::vector<Eigen::Vector3d>* points) {
-  for (std::size_t i = 0; i * every < points->size(); ++i) (*points)[i] = (*points)[i * every];
-  points->resize((points->size() + every - 1) / every);
-}
 
 }  // namespace
 
@@ -76,29 +63,10 @@ Utime ScanPlayer::step(Utime now, Outbox& outbox) {
 }
 
 void ScanPlayer::play(Utime utime, double t_s, Outbox& outbox) {
-  const std::size_t every = (next_.size() + kMostPoints - 1) / kMostPoints;
-  if (every > 1) thin(every, &next_), ++thinned_;
+  if (thin_to_fit(&next_)) ++thinned_;
   points_ += std::ssize(next_);
   const TimedPose pose = poses_.at(t_s);
-  lidar_scan_t scan{};
-  scan.header = scan_headers_.next(utime);
-  scan.sensor = static_cast<std::int16_t>(config_.sensor);
-  Eigen::Map<Eigen::Vector3d>(scan.position) = pose.position;
-  scan.orientation[0] = pose.orientation.w();
-  Eigen::Map<Eigen::Vector3d>(scan.orientation + 1) = pose.orientation.vec();
-  scan.num_parts =
-      static_cast<std::int16_t>(std::max<std::size_t>(1, (next_.size() + kPointsPerPart - 1) / kPointsPerPart));
-  for (; scan.part < scan.num_parts; ++scan.part) {
-    const std::size_t from = static_cast<std::size_t>(scan.part) * kPointsPerPart;
-    scan.coordinates.clear();
-    for (std::size_t i = from; i < std::min(from + kPointsPerPart, next_.size()); ++i) {
-      const double reach_m = next_[i].cwiseAbs().maxCoeff();
-      const Eigen::Vector3d point = next_[i] * (reach_m > kReach_m ? kReach_m / reach_m : 1.0) / kPointUnit_m;
-      for (const double value : point) scan.coordinates.push_back(static_cast<std::int16_t>(std::floor(value + 0.5)));
-    }
-    scan.num_coordinates = static_cast<std::int32_t>(scan.coordinates.size());
-    outbox.publish(BusId::kOnboard, channel::kLidarScan, scan);
-  }
+  publish_scan(scan_headers_.next(utime), config_.sensor, pose.position, pose.orientation, next_, outbox);
 }
 
 void ScanPlayer::publish_state(Utime now, Outbox& outbox) {
