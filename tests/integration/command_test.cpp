@@ -314,6 +314,22 @@ TEST(Options, EveryProgramTellsItsVersionAndHowItIsUsed) {
   }
 }
 
+TEST(Options, TheShellCompletesThem) {
+  const std::pair<std::string, std::string> cases[] = {{"swarm_sim ca", "campaign"},
+                                                       {"swarm_sim run --state-o", "--state-outage"},
+                                                       {"swarm_goal 0 --hei", "--height"},
+                                                       {"map_daemon --robot-", "--robot-id"},
+                                                       {"map_daemon file", ""}};
+  for (const auto& [typed, completed] : cases) {
+    const Finished told = run_program(
+        {"/bin/bash", "-c",
+         "PATH=" SWARM_BIN_DIR ":$PATH && source " SWARM_SOURCE_DIR "/tools/deploy/completion.bash && COMP_WORDS=(" +
+             typed +
+             ") && COMP_CWORD=$((${#COMP_WORDS[@]} - 1)) && _sogm_swarm ${COMP_WORDS[0]} && echo \"${COMPREPLY[*]}\""});
+    EXPECT_EQ(told.out, completed + "\n") << typed << told.err;
+  }
+}
+
 TEST(Options, PrintedConfigReadsBackTheSame) {
   TemporaryDirectory directory;
   for (const auto& [words, changes] : kPrograms) {
