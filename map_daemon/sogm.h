@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "lcmtypes/bus/eigen_alignment.h"
 #include "lcmtypes/bus/time.h"
 
 namespace swarm {

@@ -4,6 +4,8 @@
 
 #include <Eigen/Core>
 
+#include "lcmtypes/bus/eigen_alignment.h"
+
 namespace swarm {
 
 // Position [m], velocity [m/s], acceleration [m/s^2] and jerk [m/s^3] in W.

@@ -15,14 +15,11 @@ class Examples : public testing::TestWithParam<const char*> {
   void SetUp() override {
     if (!is_python()) return;
     if (!fs::exists("/usr/bin/python3")) GTEST_SKIP() << "there is no Python";
-    const std::string types =
-        "cd " SWARM_SOURCE_DIR " && lcm-gen -p --ppath " + directory_.path().string() + " lcmtypes/*.lcm";
-    ASSERT_EQ(run_program({"/bin/sh", "-c", types}).exit_code, 0);
   }
   std::vector<std::string> example(const std::string& name, std::vector<std::string> arguments) {
     std::vector<std::string> words;
     if (is_python()) {
-      words = {"/usr/bin/env", "PYTHONPATH=" + directory_.path().string(), "PYTHONDONTWRITEBYTECODE=1",
+      words = {"/usr/bin/env", "PYTHONPATH=" SWARM_BIN_DIR "/../python", "PYTHONDONTWRITEBYTECODE=1",
                "/usr/bin/python3", SWARM_SOURCE_DIR "/tools/deploy/examples/" + name + ".py"};
     } else {
       words = {"../examples/" + name};
@@ -30,8 +27,6 @@ class Examples : public testing::TestWithParam<const char*> {
     words.insert(words.end(), arguments.begin(), arguments.end());
     return words;
   }
-
-  TemporaryDirectory directory_;
 };
 
 std::vector<Eigen::Vector3d> positions(const std::string& text) {
@@ -55,7 +50,7 @@ TEST_P(Examples, FlyARobot) {
   Program map(daemon("map_daemon", {})), planner(daemon("planner_daemon", planning)),
       broadcast(daemon("broadcast_daemon", {"--roster", "3", "--insecure", "true", "--swarm-url", swarm}));
   Program state(example("send_state", {onboard, "3"})), obstacles(example("send_obstacles", {onboard, "3"})),
-      setpoints(example("take_setpoints", {onboard}));
+      setpoints(example("take_setpoints", {onboard, "3"}));
   EXPECT_TRUE(wait_for(10.0 * kPatience, [&] { return positions(setpoints.out()).size() > 20; }))
       << state.err() << setpoints.err() << broadcast.err();
   for (const Eigen::Vector3d& at : positions(setpoints.out())) EXPECT_LT((at - Eigen::Vector3d(0, 0, 1)).norm(), 1e-6);
@@ -88,6 +83,22 @@ TEST_P(Examples, ShowAWallToPerception) {
   EXPECT_GT(status.points, 100) << "the wall";
   EXPECT_EQ(status.blind, 0);
   EXPECT_EQ(std::count(std::begin(status.refused), std::end(status.refused), 0), std::ssize(status.refused));
+}
+
+TEST_P(Examples, AnswerWrongWordsWithTheUsage) {
+  const std::string onboard = local_url(base_port() + 1);
+  for (const char* name : {"send_state", "send_obstacles", "send_depth", "send_goal", "take_setpoints"}) {
+    for (const std::vector<std::string>& words : {std::vector<std::string>{"1", "2", "3"},
+                                                  {"3"},
+                                                  {onboard, "three"},
+                                                  {onboard, "-1"},
+                                                  {onboard, "40000"},
+                                                  {onboard, "3", "4"}}) {
+      const Finished refused = run_program(example(name, words));
+      EXPECT_EQ(refused.exit_code, 2) << name << ": " << refused.err;
+      EXPECT_NE(refused.err.find("usage: "), std::string::npos) << refused.err;
+    }
+  }
 }
 
 INSTANTIATE_TEST_SUITE_P(, Examples, testing::Values("Cpp", "Python"), [](const auto& name) { return name.param; });

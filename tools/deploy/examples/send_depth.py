@@ -1,12 +1,11 @@
 """What a depth camera sees, 20 times a second: send_depth.py [BUS [ROBOT]]. This one hovers and looks at a wall."""
 
-import sys
 import time
 
-import swarm_bus
+from arguments import open_bus
 from sogm_swarm import depth_image_t
 
-bus = swarm_bus.Bus(*sys.argv[1:2] or ["udpm://239.255.76.67:7700?ttl=0"], *map(int, sys.argv[2:3]))
+bus = open_bus(__doc__)
 while True:
     image = depth_image_t()
     # Where the camera was, W [m], and its axes in W (w, x, y, z): z ahead, x right, y down. This one looks along x.

@@ -1,12 +1,11 @@
 """Where the robot shall go: send_goal.py [BUS [ROBOT]]"""
 
-import sys
 import time
 
-import swarm_bus
+from arguments import open_bus
 from sogm_swarm import goal_t, waypoint_t
 
-bus = swarm_bus.Bus(*sys.argv[1:2] or ["udpm://239.255.76.67:7700?ttl=0"], *map(int, sys.argv[2:3]))
+bus = open_bus(__doc__)
 while True:
     goal = goal_t()
     place = waypoint_t()

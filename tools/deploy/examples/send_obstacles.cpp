@@ -1,18 +1,17 @@
 // What moves around the robot, 10 times a second: send_obstacles [BUS [ROBOT]]
 #include <chrono>
-#include <cstdlib>
 #include <thread>
 
+#include "arguments.h"
 #include "lcmtypes/bus/boot.h"
-#include "lcmtypes/bus/bus_url.h"
 #include "lcmtypes/bus/codec.h"
 #include "lcmtypes/bus/header_source.h"
-#include "lcmtypes/bus/lcm_bus.h"
 #include "lcmtypes/bus/node_clock.h"
 
 int main(int argc, char** argv) {
-  swarm::LcmBus bus(argc > 1 ? argv[1] : swarm::kDefaultOnboardUrl);
-  swarm::HeaderSource headers(argc > 2 ? std::atoi(argv[2]) : 0, swarm::new_boot());
+  int robot = 0;
+  swarm::LcmBus bus = open_bus(argc, argv, &robot);
+  swarm::HeaderSource headers(robot, swarm::new_boot());
   for (std::vector<std::uint8_t> bytes;; std::this_thread::sleep_for(std::chrono::milliseconds(100))) {
     sogm_swarm::obstacle_t person{};
     person.id = 7;  // stays the same as long as you track it

@@ -1,12 +1,11 @@
 """What moves around the robot, 10 times a second: send_obstacles.py [BUS [ROBOT]]"""
 
-import sys
 import time
 
-import swarm_bus
+from arguments import open_bus
 from sogm_swarm import obstacle_t, obstacles_t
 
-bus = swarm_bus.Bus(*sys.argv[1:2] or ["udpm://239.255.76.67:7700?ttl=0"], *map(int, sys.argv[2:3]))
+bus = open_bus(__doc__)
 while True:
     person = obstacle_t()
     person.id, person.shape = 7, obstacle_t.kColumn  # the id stays the same as long as you track it

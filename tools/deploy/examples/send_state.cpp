@@ -2,19 +2,17 @@
 #include <algorithm>
 #include <array>
 #include <chrono>
-#include <cstdlib>
 #include <thread>
 
+#include "arguments.h"
 #include "lcmtypes/bus/boot.h"
-#include "lcmtypes/bus/bus_url.h"
 #include "lcmtypes/bus/codec.h"
 #include "lcmtypes/bus/header_source.h"
-#include "lcmtypes/bus/lcm_bus.h"
 #include "lcmtypes/bus/node_clock.h"
 
 int main(int argc, char** argv) {
-  swarm::LcmBus bus(argc > 1 ? argv[1] : swarm::kDefaultOnboardUrl);
-  const int robot = argc > 2 ? std::atoi(argv[2]) : 0;
+  int robot = 0;
+  swarm::LcmBus bus = open_bus(argc, argv, &robot);
   swarm::HeaderSource headers(robot, swarm::new_boot());
   std::array<double, 3> position{0.0, 0.0, 1.0};  // W [m]
   bus.subscribe("SETPOINT", [&](std::string_view, std::span<const std::uint8_t> bytes) {

@@ -1,13 +1,12 @@
 """Where the robot is, 50 times a second: send_state.py [BUS [ROBOT]]. This one is where its setpoints say."""
 
-import sys
 import threading
 import time
 
-import swarm_bus
+from arguments import open_bus
 from sogm_swarm import robot_state_t, setpoint_t
 
-bus = swarm_bus.Bus(*sys.argv[1:2] or ["udpm://239.255.76.67:7700?ttl=0"], *map(int, sys.argv[2:3]))
+bus = open_bus(__doc__)
 position = [0.0, 0.0, 1.0]  # W [m]
 
 

@@ -1,11 +1,10 @@
-"""What the flight controller shall do, 100 times a second: take_setpoints.py [BUS]"""
+"""What the flight controller shall do, 100 times a second: take_setpoints.py [BUS [ROBOT]]"""
 
-import sys
-
-import swarm_bus
+from arguments import open_bus
 from sogm_swarm import setpoint_t
 
-bus = swarm_bus.Bus(*sys.argv[1:2] or ["udpm://239.255.76.67:7700?ttl=0"])
+bus = open_bus(__doc__)
 while True:
     setpoint = bus.receive("SETPOINT", setpoint_t)
-    print(*setpoint.position, flush=True)  # W [m]; velocity, acceleration, jerk, yaw, yaw_rate
+    if setpoint.header.robot_id == bus.robot:
+        print(*setpoint.position, flush=True)  # W [m]; velocity, acceleration, jerk, yaw, yaw_rate
