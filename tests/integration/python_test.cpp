@@ -114,6 +114,18 @@ TEST_F(Python, SaysThatArraysNeedNumpy) {
   EXPECT_NE(without.err.find("arrays() needs numpy: apt install python3-numpy"), std::string::npos) << without.err;
 }
 
+TEST_F(Python, IsMissedByTheExamplesInSoManyWords) {
+  const TemporaryDirectory directory;
+  for (const char* name : {"arguments.py", "send_goal.py"})
+    std::filesystem::copy(SWARM_SOURCE_DIR "/tools/deploy/examples/" + std::string(name), directory.path());
+  const std::string example = directory / "send_goal.py";
+  const Finished without =
+      run_program({"/usr/bin/env", "PYTHONDONTWRITEBYTECODE=1", "/usr/bin/python3", "-S", example});
+  EXPECT_EQ(without.exit_code, 1);
+  EXPECT_EQ(without.err,
+            "The Python package sogm_swarm is missing: install the Debian package, or in a checkout run tools/build\n");
+}
+
 TEST_F(Python, RefusesWhatIsNoGoodMessage) {
   const Finished told = python(
       "from sogm_swarm import codec, goal_t, header_t, robot_state_t\n"

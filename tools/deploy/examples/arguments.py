@@ -7,7 +7,7 @@ import sys
 try:
     import sogm_swarm  # of the Debian package, or on PYTHONPATH
 except ImportError:
-    sys.path.append(str(pathlib.Path(__file__).resolve().parents[3] / "build" / "python"))  # in a checkout
+    sys.path.append(str(pathlib.Path(__file__).resolve().parent / "../../../build/python"))  # in a checkout
     try:
         import sogm_swarm  # noqa: F401
     except ImportError:

@@ -2,6 +2,7 @@
 
 import contextlib
 import ctypes
+import ipaddress
 import re
 import socket
 import struct
@@ -24,6 +25,14 @@ def utime():
     return time.time_ns() // 1000
 
 
+def _new_boot():
+    """Twentieths of a second since the computer was started; waits for the next one, so that no two are the same."""
+    boot = int(20 * time.clock_gettime(time.CLOCK_BOOTTIME)) + 1
+    while (left := boot / 20 - time.clock_gettime(time.CLOCK_BOOTTIME)) > 0:
+        time.sleep(left)
+    return boot
+
+
 class Bus:
     """A bus by its URL, udpm://ADDRESS:PORT?ttl=N (ValueError, if it is none); `robot` is whom its messages are from or
     about. With ttl=0 nothing is heard but this computer, whatever address a datagram claims to be from."""
@@ -32,11 +41,13 @@ class Bus:
         parts = re.fullmatch(r"udpm://([0-9.]+):(\d+)\?ttl=(\d+)", url)
         if not parts or not 0 < int(parts[2]) < 65536 or int(parts[3]) > 255:
             raise ValueError(f"bus '{url}': must be udpm://ADDRESS:PORT?ttl=N")
+        if not ipaddress.IPv4Address(parts[1]).is_multicast:
+            raise ValueError(f"bus '{url}': the address must be within 224.0.0.0 to 239.255.255.255")
         if not 0 <= robot <= 32767:
             raise ValueError(f"robot {robot}: must be within [0, 32767]")
         self.url, self.robot = url, robot
         self.refused = 0  # messages of what was asked for that were damaged, or of another type
-        self.boot = int(20 * time.clock_gettime(time.CLOCK_BOOTTIME))  # grows at every start
+        self.boot = _new_boot()
         self._seq = {}  # by channel
         self._address, ttl = (parts[1], int(parts[2])), int(parts[3])
         self._loopback = socket.if_nametoindex("lo") if ttl == 0 else None

@@ -40,6 +40,8 @@ class Robot:
 
     def go(self, *places, tolerance=USUAL_TOLERANCE, speed=0.0, wait=0.0, arrive=False, patience=3.0):
         """To places (x, y, z), one after the other: W [m]. Speed is per axis [m/s], 0: the robot's; it waits at each [s]."""
+        if not places:
+            raise ValueError("go: to where?")
         goal = goal_t()
         for place in places:
             waypoint = waypoint_t()
