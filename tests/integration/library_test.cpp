@@ -18,7 +18,8 @@ TEST(Library, PlansInAProjectOfOthers) {
   };
   cmake({"--install", SWARM_BIN_DIR "/..", "--prefix", prefix, "--component", "library"});
   fs::copy(SWARM_SOURCE_DIR "/tools/deploy/examples/library", source);
-  cmake({"-S", source, "-B", build, "-DCMAKE_PREFIX_PATH=" + prefix, "-DCMAKE_CXX_FLAGS=-Wall -Wextra -Werror"});
+  cmake({"-G", "Ninja", "-S", source, "-B", build, "-DCMAKE_PREFIX_PATH=" + prefix,
+         "-DCMAKE_CXX_FLAGS=-Wall -Wextra -Werror"});
   cmake({"--build", build});
   for (const auto& file : fs::recursive_directory_iterator(prefix)) {
     if (file.path().extension() != ".cmake") continue;
