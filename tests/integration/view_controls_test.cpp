@@ -154,6 +154,23 @@ TEST(ViewControls, DoubleClickSetsAGoalWhereItIsAllowed) {
   }
 }
 
+TEST(ViewControls, DoubleClickAtNoPlaceIsRefused) {
+  if (!can_browse()) GTEST_SKIP() << kCannotBrowse;
+  ControlledView page(kTwo);
+  (void)page.browser().evaluate("select(1), document.getElementById('height').value = ''");
+  page.browser().click(650, 450, 2);
+  EXPECT_TRUE(page.until("shown().message === 'height of goals: must be a number'"));
+  page.set("#height", 1.0);
+  (void)page.browser().evaluate("scene.controls.target.set(0, 0, 3), scene.camera.position.set(0, -20, 3)");
+  page.live_on(0.5);  // at the horizon
+  const double y = 2.0 + 0.5 * page.browser().evaluate("window.innerHeight").get<double>();
+  EXPECT_EQ(page.browser().evaluate("scene.pointAt(650, innerHeight / 2 + 2, 1).length() > 600"), WebJson(true));
+  page.browser().click(650, y, 2);
+  EXPECT_TRUE(page.until("shown().message === 'no place at that height within 500 m'"));
+  page.live_on(0.5);
+  EXPECT_TRUE(page.goals[1].empty());
+}
+
 TEST(ViewControls, MissionIsPlannedAndSent) {
   if (!can_browse()) GTEST_SKIP() << kCannotBrowse;
   ControlledView page(kTwo);
@@ -210,53 +227,56 @@ TEST(ViewControls, MissionIsPlannedAndSent) {
   EXPECT_TRUE(page.until("shown().message === 'waypoint 1: wait_s -1: must be a number within [0, 86400]'"));
 }
 
-// What is shown, and from when.
-TEST(ViewControls, LogIsPlayedAndItsPartsAreHidden) {
+// The first click after a value was typed does what it is for.
+TEST(ViewControls, MissionIsTypedAndClicked) {
   if (!can_browse()) GTEST_SKIP() << kCannotBrowse;
-  TemporaryDirectory out;
-  fly(out.path());
-  View view({out / "robot0.lcm", out / "robot1.lcm", out / "swarm.lcm", "--three", kThree});
-  Browser browser("http://127.0.0.1:" + std::to_string(view.port()) + "/");
-  const auto until = [&](const std::string& expression) {
-    return browser.wait_until(30.0 * kPatience, expression) ? "" : browser.evaluate("shown()").dump();
+  ControlledView page(kTwo);
+  Browser& browser = page.browser();
+  (void)browser.evaluate("select(0), mission.open(), [1, 2, 3].forEach((x) => mission.add([x, 0, 1]))");
+  const auto type = [&](const std::string& selector, const std::string& text) {
+    page.click(selector);
+    (void)browser.evaluate("document.execCommand('selectAll')");
+    (void)browser.evaluate("document.execCommand('insertText', false, " + text + ")");
   };
-  const auto set = [&](const std::string& id, const std::string& value) {
-    (void)browser.evaluate("{ const box = document.getElementById('" + id + "'); box.value = '" + value +
-                           "'; box.dispatchEvent(new Event('input')); box.dispatchEvent(new Event('change')); }");
-  };
-  EXPECT_EQ(until("typeof shown !== 'undefined' && shown().mode === 'log' && shown().voxels > 0"), "");
-  EXPECT_EQ(until("document.getElementById('play').textContent === 'Play'"), "") << "it has come to its end";
-  set("speed", "0.1");
-  browser.press(" ");
-  EXPECT_EQ(until("document.getElementById('play').textContent === 'Pause' && shown().at_s > 0.05"), "");
-  EXPECT_LT(browser.evaluate("shown().at_s").get<double>(), 1.5) << "slowly, from the beginning";
-  browser.click_on("#play");
-  EXPECT_EQ(until("document.getElementById('play').textContent === 'Play'"), "");
-  set("slider", "1.5");
-  EXPECT_EQ(until("shown().at_s === 1.5 && shown().voxels > 0 && shown().corridors > 0 && shown().obstacles > 0"), "");
-  EXPECT_EQ(until("shown().samples.find(([name]) => name === 'clearance')[1].every((count) => count > 0)"), "");
-  // A frame of the map is less than all, another robot's map another one.
-  const auto voxels = browser.evaluate("shown().voxels").get<int>();
-  set("frame", "3");
-  EXPECT_EQ(until("shown().voxels > 0 && shown().voxels < " + std::to_string(voxels)), "");
-  set("frame", "-1");
-  EXPECT_EQ(until("shown().voxels === " + std::to_string(voxels)), "");
-  browser.click_on(".robot:nth-child(2)");
-  EXPECT_EQ(until("shown().selected === 1 && shown().voxels > 0"), "");
-  set("select", "0");
-  EXPECT_EQ(until("shown().selected === 0 && shown().voxels === " + std::to_string(voxels)), "");
-  for (const auto& [box, what] :
-       std::map<std::string, std::string>{{"show-sogm", "shown().voxels"},
-                                          {"show-corridors", "shown().corridors"},
-                                          {"show-obstacles", "Number(scene.obstacleGroup.visible)"}}) {
-    browser.click_on("#" + box);
-    EXPECT_EQ(until(what + " === 0"), "") << box;
-    browser.click_on("#" + box);
-    EXPECT_EQ(until(what + " > 0"), "") << box;
-  }
-  set("select", "none");
-  EXPECT_EQ(until("shown().selected === null && shown().voxels + shown().corridors === 0"), "");
-  EXPECT_EQ(browser.evaluate("document.getElementById('orders').hidden"), WebJson(true)) << "of a log";
+  type("#waypoints tr:nth-child(1) [name=z]", "25");
+  page.click("#waypoints tr:nth-child(2) [name=x]");
+  EXPECT_EQ(browser.evaluate("document.activeElement.name"), WebJson("x")) << "it has the focus at once";
+  EXPECT_EQ(browser.evaluate("shown().waypoints[0].z"), WebJson(25));
+  type("#waypoints tr:nth-child(2) [name=wait_s]", "7");
+  page.click("#waypoints tr:nth-child(3) button");
+  EXPECT_EQ(browser.evaluate("shown().waypoints.map((one) => one.wait_s)"), WebJson({0, 7}));
+  type("#times", "4");
+  page.click("#waypoints tr:nth-child(1) button");
+  EXPECT_EQ(browser.evaluate("shown().waypoints.map((one) => one.wait_s)"), WebJson({7}));
+  EXPECT_EQ(browser.evaluate("shown().marks"), WebJson(1));
+  page.click("#mission-send");
+  ASSERT_TRUE(page.until([&] { return !page.goals[0].empty(); }));
+  EXPECT_EQ(page.goals[0].front().num_waypoints, 4);
+}
+
+// Of the longest numbers that can be typed.
+TEST(ViewControls, LongestMissionIsSentAndKeptUntilThen) {
+  if (!can_browse()) GTEST_SKIP() << kCannotBrowse;
+  ControlledView page(kTwo);
+  (void)page.browser().evaluate(
+      "select(0), mission.open();"
+      "for (let i = 0; i < MOST_WAYPOINTS; ++i) mission.add([0, 0, 0]);"
+      "for (const input of document.querySelectorAll('#waypoints input')) {"
+      "  input.value = input.name === 'wait_s' ? '86399.12345678901' : '-99999.12345678901';"
+      "  input.dispatchEvent(new Event('change'));"
+      "}"
+      "socket.close();"
+      "element('mission-send').click();");
+  EXPECT_EQ(page.browser().evaluate("document.getElementById('mission-hint').textContent"),
+            WebJson("Not sent: there is no connection."));
+  EXPECT_EQ(page.browser().evaluate("shown().waypoints.length"), WebJson(50));
+  EXPECT_TRUE(page.until("socket.readyState === WebSocket.OPEN"));
+  (void)page.browser().evaluate("element('mission-send').scrollIntoView()");
+  page.click("#mission-send");
+  ASSERT_TRUE(page.until([&] { return !page.goals[0].empty(); }));
+  EXPECT_EQ(page.goals[0].front().num_waypoints, 50);
+  EXPECT_EQ(page.goals[0].front().waypoints[49].position[1], -99999.12);
+  EXPECT_NEAR(page.goals[0].front().waypoints[49].wait, 86399.12, 1e-6);
 }
 
 // Pixels of a robot's colour on each plot.

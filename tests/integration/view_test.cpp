@@ -197,6 +197,47 @@ TEST(View, SendsGoalsOnlyWhenAllowed) {
   }
 }
 
+// Whoever sent it: the daemons take only what is newer than what they have.
+TEST(View, ItsGoalsAndOrdersAreNewerThanThoseBefore) {
+  View view({"--onboard", "0", "--allow-goals", "true"});
+  Watcher watcher(view.port());
+  LcmBus bus(onboard_url(0));
+  SequenceGate order_gate, goal_gate;
+  std::int16_t order = 0;
+  double x = 0.0;
+  bus.subscribe(channel::kFlightOrder, [&](std::string_view, std::span<const std::uint8_t> bytes) {
+    sogm_swarm::order_t message;
+    ASSERT_EQ(decode(bytes, &message), Refusal::kNone);
+    if (order_gate.pass(message.header) == Refusal::kNone) order = message.order;
+  });
+  bus.subscribe(channel::kGoal, [&](std::string_view, std::span<const std::uint8_t> bytes) {
+    sogm_swarm::goal_t message;
+    ASSERT_EQ(decode(bytes, &message), Refusal::kNone);
+    if (goal_gate.pass(message.header) == Refusal::kNone) x = message.waypoints[0].position[0];
+  });
+  const auto comes = [&](std::int16_t wanted_order, double wanted_x) {
+    return wait_for(10.0 * kPatience, [&] {
+      bus.drain();
+      return order == wanted_order && x == wanted_x;
+    });
+  };
+  const auto by_tool = [&](std::vector<std::string> words) {
+    words.insert(words.begin(), {"swarm_goal", "--base-port", std::to_string(base_port()), "--patience", "0.5"});
+    EXPECT_EQ(run_program(words).exit_code, 1) << "nobody answers";
+  };
+  watcher.tell(R"({"goal": {"robot": 0, "waypoints": [{"position": [1, 0, 1]}]}})");
+  EXPECT_TRUE(comes(sogm_swarm::order_t::kFly, 1.0));
+  by_tool({"0", "2,0,1"});
+  by_tool({"0", "hold"});
+  EXPECT_TRUE(comes(sogm_swarm::order_t::kHold, 2.0));
+  watcher.tell(R"({"goal": {"robot": 0, "waypoints": [{"position": [3, 0, 1]}]}})");
+  EXPECT_TRUE(comes(sogm_swarm::order_t::kFly, 3.0));
+  by_tool({"0", "hold"});
+  EXPECT_TRUE(comes(sogm_swarm::order_t::kHold, 3.0));
+  watcher.tell(R"({"order": {"robots": [0], "name": "emergency"}})");
+  EXPECT_TRUE(comes(sogm_swarm::order_t::kEmergency, 3.0));
+}
+
 TEST(View, NeitherSlowNorVanishedBrowsersHoldUpTheOthers) {
   TemporaryDirectory out;
   fly(out.path());

@@ -46,16 +46,16 @@ class LiveSource::Listener : public Node {
     return now + kStep;
   }
 
-  // The newest goal wins, by the time its sender started.
-  void send_goal(const Mission& mission) {
-    send_order(sogm_swarm::order_t::kFly, 0.0);  // it may hold its place
-    goal_.take(to_goal(mission), robot_);
+  // The newest wins, by `boot`: other programs may have sent some since.
+  void send_goal(const Mission& mission, std::int32_t boot) {
+    send_order(sogm_swarm::order_t::kFly, 0.0, boot);  // it may hold its place
+    goal_.take(to_goal(mission), robot_, boot);
   }
-  void send_order(std::int16_t order, double height_m) {
+  void send_order(std::int16_t order, double height_m, std::int32_t boot) {
     sogm_swarm::order_t message{};
     message.order = order;
     message.height = height_m;
-    order_.take(message, robot_);
+    order_.take(message, robot_, boot);
   }
 
   int robot() const { return robot_; }  // -1: the swarm bus
@@ -71,8 +71,8 @@ class LiveSource::Listener : public Node {
 
   template <class T>
   struct Repeated {
-    void take(const T& newest, int robot) {
-      if (!headers) headers.emplace(robot, new_boot());
+    void take(const T& newest, int robot, std::int32_t boot) {
+      headers.emplace(robot, boot);
       message = newest;
       times = kRepeat;
     }
@@ -114,8 +114,9 @@ class LiveSource::View : public PictureSource {
   void control(const Json& command) override {
     if (command.contains("order")) {
       const Json& order = command["order"];
+      const std::int32_t boot = new_boot();  // of all robots at once, for it waits
       for (const Json& robot : order.at("robots"))
-        source_->send_order(robot.get<int>(), order.at("name").get<std::string>(), order.value("height", 0.0));
+        source_->send_order(robot.get<int>(), order.at("name").get<std::string>(), order.value("height", 0.0), boot);
       return;
     }
     if (!command.contains("goal")) throw std::runtime_error("only a log can be played");
@@ -147,17 +148,17 @@ std::unique_ptr<PictureSource> LiveSource::view() {
 void LiveSource::send_goal(const Json& goal) {
   if (!options_.allow_goals) throw std::runtime_error("goals are not allowed: start with --allow-goals true");
   const GoalOrder order = read_goal(goal);
-  listener_of(order.robot_id, "goal").send_goal(order.mission);
+  listener_of(order.robot_id, "goal").send_goal(order.mission, new_boot());
 }
 
-void LiveSource::send_order(int robot, const std::string& name, double height_m) {
+void LiveSource::send_order(int robot, const std::string& name, double height_m, std::int32_t boot) {
   if (!options_.allow_goals) throw std::runtime_error("orders are not allowed: start with --allow-goals true");
   const std::optional<std::int16_t> order = find_order(name);
   if (!order) throw std::runtime_error("order '" + name + "': must be take-off, hold, fly, home, land or emergency");
   const bool climbs = *order == sogm_swarm::order_t::kTakeOff;
   if (climbs && !(height_m >= kLeastClimb_m && height_m <= kMaxClimb_m))
     throw std::runtime_error("take-off: height must be within [0.1, 100] m");
-  listener_of(robot, "order").send_order(*order, climbs ? height_m : 0.0);
+  listener_of(robot, "order").send_order(*order, climbs ? height_m : 0.0, boot);
 }
 
 LiveSource::Listener& LiveSource::listener_of(int robot, const char* what) {

@@ -29,9 +29,9 @@ class LiveSource {
   class Listener;
   class View;
 
-  // A few times, for a bus may lose it.
+  // A few times, for a bus may lose it. `boot` as in HeaderSource: new for each, or what others sent since would win.
   void send_goal(const Json& goal);
-  void send_order(int robot, const std::string& name, double height_m);
+  void send_order(int robot, const std::string& name, double height_m, std::int32_t boot);
   Listener& listener_of(int robot, const char* what);
 
   Options options_;

@@ -11,6 +11,9 @@ const WAYPOINT_FIELDS = [   // columns of the list
   { name: "wait_s", step: 1, least: 0, most: 86400 },
 ];
 
+// To the centimetre, or the hundredth of a second: more digits would make a mission too long for a message.
+const hundredths = (value) => Math.round(100 * value) / 100;
+
 class MissionEditor {
   constructor(scene) {
     this.scene = scene;
@@ -24,7 +27,7 @@ class MissionEditor {
     element("mission-cancel").onclick = () => this.cancel();
     element("times").onchange = (event) => {
       if (event.target.value !== "" && event.target.checkValidity()) this.draft().times = Number(event.target.value);
-      this.show();
+      this.showChange();
     };
   }
 
@@ -62,26 +65,34 @@ class MissionEditor {
     this.show();
   }
 
-  // The list stays, to be changed and sent again.
+  // The list stays, to be changed and sent again; open where it could not be sent.
   send() {
     const { waypoints, times } = this.draft();
     const places = waypoints.map(({ x, y, z, wait_s }) => ({ position: [x, y, z], wait_s: wait_s }));
     if (tell({ goal: { robot: this.robot, waypoints: places, times: times } })) this.close();
+    else element("mission-hint").textContent = "Not sent: there is no connection.";
   }
 
+  isShown() {
+    return this.isOpen && this.robot !== null;
+  }
   show() {
-    const isShown = this.isOpen && this.robot !== null;
-    element("mission").hidden = !isShown;
+    if (this.isShown()) element("waypoints").replaceChildren(...this.draft().waypoints.map((one, i) => this.row(one, i)));
+    this.showChange();
+  }
+
+  // All but the rows, which stay while values are typed: the mouse may be down on one.
+  showChange() {
+    element("mission").hidden = !this.isShown();
     element("mission-edit").classList.toggle("on", this.isOpen);
     this.clearDrawing();
-    if (!isShown) return;
+    if (!this.isShown()) return;
     const { waypoints, times } = this.draft(), places = waypoints.length * times;
     element("mission-title").textContent = "Mission of robot " + this.robot;
     element("mission-hint").textContent = waypoints.length >= MOST_WAYPOINTS ? "These are all that can be sent at once."
       : places > MOST_PLACES ? places + " places; at most " + MOST_PLACES + "." : "Each click into the scene adds a waypoint.";
     element("times").value = times;
     element("mission-send").disabled = waypoints.length === 0 || places > MOST_PLACES;
-    element("waypoints").replaceChildren(...waypoints.map((waypoint, i) => this.row(waypoint, i)));
     this.drawMission(waypoints, times > 1);
   }
 
@@ -93,8 +104,9 @@ class MissionEditor {
       Object.assign(input, { type: "number", name: name, step: step, min: least, max: most, value: waypoint[name] });
       input.onchange = () => {  // what is no number within the limits is put back
         const { valueAsNumber: value } = input;
-        if (value >= least && value <= most) waypoint[name] = value;
-        this.show();
+        if (value >= least && value <= most) waypoint[name] = hundredths(value);
+        input.value = waypoint[name];
+        this.showChange();
       };
       row.insertCell().append(input);
     }

@@ -5,9 +5,10 @@ const element = (id) => document.getElementById(id);
 const scene = new SwarmScene(), plots = new Plots(element("plots")), mission = new MissionEditor(scene);
 const STILL_PIXELS = 4;       // that the mouse may move in a click
 const ERROR_SHOWN_MS = 10000;
+const MOST_AWAY_M = 500;      // from the camera, of a place that is clicked: nothing beyond is drawn
 const wish = { select: null, frame: -1 };  // whose SOGM and corridors, and which frame of it
 let socket = null, frame = null, fps = 0, arrived = [], dragging = false, chosen = false, aimedAt = 0, cards = new Map(),
-  cardsDrawn = 0, error = { number: 0, since: 0 };
+  cardsDrawn = 0, error = { number: 0, text: "", since: 0 };
 
 // Whether there is somebody to tell.
 function tell(command) {
@@ -19,7 +20,10 @@ function tell(command) {
 function connect() {
   socket = new WebSocket("ws://" + location.host + "/stream");
   socket.binaryType = "arraybuffer";
-  socket.onopen = () => tell(wish);
+  socket.onopen = () => {
+    error.number = 0;  // the server counts from the beginning again
+    tell(wish);
+  };
   socket.onmessage = (event) => take(event.data);
   socket.onclose = () => {
     element("state").textContent = "No connection; trying again ...";
@@ -37,7 +41,7 @@ function take(buffer) {
   while (arrived[0] < now - 2000) arrived.shift();
   fps = (arrived.length - 1) / Math.max(1, 1e-3 * (now - arrived[0]));
 
-  if (frame.error && frame.error.number !== error.number) error = { number: frame.error.number, since: now };
+  if (frame.error && frame.error.number !== error.number) error = { ...frame.error, since: now };
   plots.add(frame);
   scene.setRobots(frame.robots, numbers);
   aim();
@@ -103,8 +107,8 @@ function select(id) {
 // How the daemons are doing.
 function describe() {
   if (!frame) return;
-  const isNews = frame.error && performance.now() < error.since + ERROR_SHOWN_MS;
-  const messages = [frame.warning, isNews && frame.error.text].filter(Boolean);
+  const isNews = performance.now() < error.since + ERROR_SHOWN_MS;
+  const messages = [frame.warning, isNews && error.text].filter(Boolean);
   const heard = frame.robots.length;
   let state;
   if (frame.mode === "log") {
@@ -236,10 +240,20 @@ element("play").onclick = () => tell({ play: !frame.playing });
 element("speed").onchange = (event) => tell({ speed: Number(event.target.value) });
 element("show-plots").onchange = () => describe();
 
-// Where the mouse is in the scene, at the height that was set, to the centimetre; null: nowhere.
+// Like a refusal by the server.
+function refuse(text) {
+  error = { ...error, text: text, since: performance.now() };
+  describe();
+  return null;
+}
+
+// Where the mouse is in the scene, at the height that was set, to the centimetre; null: nowhere, and it is said.
 function pointOf(event) {
-  const point = scene.pointAt(event.clientX, event.clientY, Number(element("height").value));
-  return point && point.toArray().map((coordinate) => Math.round(100 * coordinate) / 100);
+  const height = element("height").valueAsNumber;  // NaN while it is empty
+  if (!Number.isFinite(height)) return refuse("height of goals: must be a number");
+  const point = scene.pointAt(event.clientX, event.clientY, height);
+  const isNear = point && point.distanceTo(scene.camera.position) <= MOST_AWAY_M;
+  return isNear ? point.toArray().map(hundredths) : refuse("no place at that height within " + MOST_AWAY_M + " m");
 }
 let pressed = [0, 0];
 scene.renderer.domElement.addEventListener("mousedown", (event) => { pressed = [event.clientX, event.clientY]; });
