@@ -71,12 +71,20 @@ inline sensor_msgs::msg::PointCloud2 cloud_with(const std::vector<Eigen::Vector3
 }
 
 struct RosMailbox : RosOutbox {
-  void publish_path(int robot_id, const nav_msgs::msg::Path& path) override { paths[robot_id].push_back(path); }
-  void publish_command(const trajectory_msgs::msg::MultiDOFJointTrajectory& command) override {
-    commands.push_back(command);
+  std::string publish_path(int robot_id, const nav_msgs::msg::Path& path) override {
+    paths[robot_id].push_back(path);
+    return failure;
   }
-  void publish_occupied(const sensor_msgs::msg::PointCloud2& cloud) override { clouds.push_back(cloud); }
+  std::string publish_command(const trajectory_msgs::msg::MultiDOFJointTrajectory& command) override {
+    commands.push_back(command);
+    return failure;
+  }
+  std::string publish_occupied(const sensor_msgs::msg::PointCloud2& cloud) override {
+    clouds.push_back(cloud);
+    return failure;
+  }
 
+  std::string failure;
   std::map<int, std::vector<nav_msgs::msg::Path>> paths;
   std::vector<trajectory_msgs::msg::MultiDOFJointTrajectory> commands;
   std::vector<sensor_msgs::msg::PointCloud2> clouds;

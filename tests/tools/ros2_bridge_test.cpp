@@ -111,6 +111,43 @@ TEST(Ros2Bridge, AGoalHoldsFromWhenItIsHeard) {
   EXPECT_EQ(bridge.node.report().goals, 1);
 }
 
+TEST(Ros2Bridge, AGoalIsNewerThanThoseOfOtherSenders) {
+  RosBridge bridge;
+  SequenceGate planner;
+  PoseStamped pose;
+  pose.header.frame_id = "world";
+  const auto own = [&] {
+    bridge.node.on_goal(bridge.now, pose, bridge.out);
+    const auto goal = bridge.out.newest<sogm_swarm::goal_t>(channel::kGoal);
+    bridge.send(channel::kGoal, goal);  // it hears itself
+    EXPECT_EQ(planner.pass(goal.header), Refusal::kNone);
+    return goal.header;
+  };
+  const auto others = [&](int robot_id, std::int32_t boot, std::int64_t seq) {
+    sogm_swarm::goal_t goal{};
+    goal.header = make_header(robot_id, boot, seq, bridge.now);
+    goal.num_waypoints = 1;
+    goal.waypoints.resize(1);
+    bridge.send(channel::kGoal, goal);
+    return planner.pass(goal.header);
+  };
+  const std::int32_t boot = 1'700'000'000;
+  EXPECT_EQ(own().boot, boot);
+  EXPECT_EQ(others(3, boot + 100, 7), Refusal::kNone);
+  EXPECT_EQ(own().boot, boot + 101);
+  EXPECT_EQ(others(3, boot + 100, 8), Refusal::kSequence);  // the other one says again what no longer holds
+  const sogm_swarm::header_t second = own();
+  EXPECT_EQ(second.boot, boot + 101);
+  EXPECT_EQ(second.seq, 1);
+  EXPECT_EQ(others(3, boot + 101, 2), Refusal::kNone);  // begun at the same time
+  EXPECT_EQ(own().boot, boot + 102);
+  (void)others(4, boot + 200, 0);  // of another robot
+  EXPECT_EQ(bridge.node.report().refused_from_bus[Refusal::kRobot], 1);
+  bridge.node.on_goal(bridge.now, pose, bridge.out);
+  EXPECT_EQ(bridge.out.newest<sogm_swarm::goal_t>(channel::kGoal).header.boot, boot + 102);
+  EXPECT_EQ(bridge.node.report().refused_from_bus.total(), 1);
+}
+
 TEST(Ros2Bridge, MarkersAreObstacles) {
   RosBridge bridge;
   std::vector<Marker> markers = {

@@ -1,4 +1,5 @@
 // Clouds of ROS 2 become scans: in the LiDAR's frame or in W, placed by the odometry around them.
+#include <chrono>
 #include <numbers>
 
 #include "lcmtypes/bus/channels.h"
@@ -81,13 +82,23 @@ TEST(Ros2Cloud, OrganisedCloudsOfDoublesAreReadRowByRow) {
     field.datatype = PointField::FLOAT64;
     field.offset = static_cast<std::uint32_t>(8 * (cloud.fields.size() - 1));
   }
-  cloud.height = cloud.width = 2;
+  cloud.height = 3;
+  cloud.width = 2;
   cloud.point_step = 24;
   cloud.row_step = 50;  // two bytes lie fallow
-  cloud.data.resize(100);
-  const double points[4][3] = {{3, 2, 1}, {kNoNumber, 0, 0}, {6, 5, 4}, {9, 8, 7}};
-  for (std::size_t i = 0; i < 4; ++i) std::memcpy(&cloud.data[50 * (i / 2) + 24 * (i % 2)], points[i], 24);
+  cloud.data.resize(150);
+  const double points[6][3] = {{3, 2, 1}, {kNoNumber, 0, 0}, {6, 5, 4}, {1.7e308, 0, 0}, {9, 8, 7}, {0, -1.1e5, 0}};
+  for (std::size_t i = 0; i < 6; ++i) std::memcpy(&cloud.data[50 * (i / 2) + 24 * (i % 2)], points[i], 24);
   EXPECT_EQ(points_of(cloud), (std::vector<Eigen::Vector3d>{{1, 2, 3}, {4, 5, 6}, {7, 8, 9}}));
+}
+
+TEST(Ros2Cloud, OfAnyNumberOfEmptyRowsIsEmpty) {
+  PointCloud2 cloud = cloud_with({}, "lidar", kStart);
+  ASSERT_EQ(cloud.row_step, 0u);
+  cloud.height = 0xFFFFFFFF;
+  const auto begin = std::chrono::steady_clock::now();
+  EXPECT_TRUE(points_of(cloud).empty());
+  EXPECT_LT(std::chrono::steady_clock::now() - begin, 500ms);  // it does not look at each
 }
 
 TEST(Ros2Cloud, OfManyPointsIsThinnedAndCutIntoParts) {
@@ -114,6 +125,7 @@ TEST(Ros2Cloud, ThatCannotBeIsRefused) {
   expect_refused([](PointCloud2& c) { c.header.frame_id = "camera"; }, RosRefusal::kFrame,
                  "frame_id 'camera': must be 'lidar' or 'world'");
   expect_refused([](PointCloud2& c) { c.header.stamp.sec = 0; }, RosRefusal::kTime, "stamp is ");
+  expect_refused([](PointCloud2& c) { c.header.stamp.sec = 0, c.data.clear(); }, RosRefusal::kTime, "stamp is ");
   expect_refused([](PointCloud2& c) { c.is_bigendian = true; }, layout, "is_bigendian");
   expect_refused([](PointCloud2& c) { c.fields.pop_back(); }, layout, "has no field z");
   expect_refused([](PointCloud2& c) { c.fields[1].datatype = PointField::INT32; }, layout, "field x: must be FLOAT32");
@@ -136,11 +148,47 @@ TEST(Ros2Cloud, FromWhenNobodyKnowsWhereTheRobotWasIsRefused) {
   bridge.run_for(0.1);
   bridge.hear(cloud_with(kPoints, "lidar", bridge.now));  // waits
   bridge.run_for(0.1);
-  bridge.expect_refused(cloud_with(kPoints, "lidar", bridge.now), RosRefusal::kPose, "cloud: no odometry since");
+  bridge.hear(cloud_with(kPoints, "lidar", bridge.now));  // too
   bridge.run_for(0.1);
   bridge.hear(bridge.odometry_at({0, 0, 1}, rotated(0, 0, 0)));  // 0.3 s after the one before
   EXPECT_EQ(bridge.refused(RosRefusal::kPose), 3);
   EXPECT_EQ(bridge.node.report().scans, 0);
+}
+
+TEST(Ros2Cloud, WaitsForOdometryThatIsLaterThanTheNextOnes) {
+  RosBridge bridge;
+  const auto hear_odometry_of = [&](Utime utime) {
+    nav_msgs::msg::Odometry odometry = bridge.odometry_at({0, 0, 1}, rotated(0, 0, 0));
+    odometry.header.stamp = stamp_of(utime);
+    bridge.hear(odometry);
+  };
+  const auto hear_clouds = [&](int clouds, double every_s) {
+    for (int i = 0; i < clouds; ++i) {
+      bridge.run_for(every_s);
+      bridge.hear(cloud_with(kPoints, "lidar", bridge.now));
+    }
+  };
+  const Utime begin = bridge.now;
+  hear_odometry_of(begin);
+  hear_clouds(3, 0.05);
+  EXPECT_EQ(bridge.node.report().scans, 0);
+  hear_odometry_of(begin + 100ms);
+  EXPECT_EQ(bridge.node.report().scans, 2);
+  hear_odometry_of(begin + 150ms);
+  const auto scans = bridge.out.all<lidar_scan_t>(channel::kLidarScan);
+  ASSERT_EQ(scans.size(), 3u);
+  for (int i = 0; i < 3; ++i) EXPECT_EQ(to_utime(scans[i].header.utime), begin + (i + 1) * 50ms);
+
+  hear_clouds(5, 0.02);
+  EXPECT_EQ(bridge.refused(RosRefusal::kPose), 0);
+  hear_clouds(1, 0.02);  // the first of six goes
+  EXPECT_EQ(bridge.refused(RosRefusal::kPose), 1);
+  EXPECT_EQ(bridge.node.report().words, "cloud: no odometry since its stamp");
+  hear_clouds(1, 0.95);  // and two that are a second older than this
+  EXPECT_EQ(bridge.refused(RosRefusal::kPose), 3);
+  hear_odometry_of(bridge.now);  // of three others it is not known where the robot was
+  EXPECT_EQ(bridge.refused(RosRefusal::kPose), 6);
+  EXPECT_EQ(bridge.node.report().scans, 4);
 }
 
 }  // namespace

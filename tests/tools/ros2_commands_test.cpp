@@ -2,6 +2,7 @@
 #include "lcmtypes/bus/channels.h"
 #include "map_daemon/sogm_codec.h"
 #include "tests/support/ros2_bridge.h"
+#include "tools/ros2/ros2_log.h"
 
 namespace swarm::test {
 namespace {
@@ -38,6 +39,46 @@ TEST(Ros2Commands, CommittedTrajectoriesArePaths) {
     bridge.send(channel::kOwnTrajectory, bridge.announcement_of(3, own));
   }
   EXPECT_EQ(bridge.paths[3].size(), 6u);
+}
+
+TEST(Ros2Commands, PathsBeginAndEndWithTheirTrajectories) {
+  RosBridge bridge;
+  MotionState start;
+  start.position = {0, 0, 1};
+  const Trajectory trajectory = quintic_to(start, bridge.now, {2, 0, 1}, 1.05);
+  auto early = bridge.announcement_of(7, trajectory), wrong = bridge.announcement_of(8, trajectory);
+  early.header.utime -= 8'950'000;  // it ends 10 s later
+  wrong.header.utime -= 8'950'001;
+  bridge.send(channel::kPeerTrajectory, early);
+  bridge.send(channel::kPeerTrajectory, wrong);
+  ASSERT_EQ(bridge.paths[7].size(), 1u);
+  ASSERT_EQ(bridge.paths[7][0].poses.size(), 12u);
+  EXPECT_EQ(utime_of(bridge.paths[7][0].poses[0].header.stamp), trajectory.start_utime());
+  EXPECT_TRUE(bridge.paths[8].empty());
+  EXPECT_EQ(bridge.node.report().refused_from_bus[Refusal::kInconsistent], 1);
+}
+
+TEST(Ros2Commands, WhatRosDoesNotTakeIsCountedAndSaidOnceInTenSeconds) {
+  RosBridge bridge;
+  Ros2Log log;
+  bridge.failure = "command/trajectory: it is broken";
+  std::vector<std::string> warnings;
+  for (int i = 0; i < 150; ++i) {
+    bridge.send(channel::kSetpoint, bridge.setpoint_of(MotionState(), 0.0));
+    for (const LogLine& line : log.update(bridge.now, bridge.node.report())) {
+      if (line.warning) warnings.push_back(line.text);
+    }
+    bridge.now += 100ms;  // before anything is missed
+  }
+  EXPECT_EQ(warnings, (std::vector<std::string>{
+                          "1 messages not published; the newest: command/trajectory: it is broken",
+                          "100 messages not published; the newest: command/trajectory: it is broken",
+                      }));
+  EXPECT_EQ(bridge.node.report().commands, 0);
+  bridge.failure = "";
+  bridge.send(channel::kSetpoint, bridge.setpoint_of(MotionState(), 0.0));
+  EXPECT_EQ(bridge.node.report().commands, 1);
+  EXPECT_EQ(bridge.node.report().unpublished, 150);
 }
 
 TEST(Ros2Commands, TheMapsOccupiedVoxelsAreACloud) {

@@ -258,12 +258,13 @@ std::vector<Eigen::Vector3d> points_of(const PointCloud2& cloud) {
     refuse(RosRefusal::kLayout,
            "width, height, point_step, row_step: must fit its " + std::to_string(cloud.data.size()) + " bytes");
   std::vector<Eigen::Vector3d> points;
+  if (cloud.width == 0) return points;  // however many rows there are of nothing
   for (std::size_t row = 0; row < cloud.height; ++row) {
     for (std::size_t column = 0; column < cloud.width; ++column) {
       const std::uint8_t* const bytes = cloud.data.data() + row * cloud.row_step + column * cloud.point_step;
       const Eigen::Vector3d point(read(bytes, coordinates[0]), read(bytes, coordinates[1]),
                                   read(bytes, coordinates[2]));
-      if (point.allFinite()) points.push_back(point);
+      if ((point.array().abs() <= kMaxPosition_m).all()) points.push_back(point);
     }
   }
   return points;

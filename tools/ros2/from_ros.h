@@ -72,7 +72,7 @@ MarkerObstacles obstacles_of(const visualization_msgs::msg::MarkerArray& markers
                              const MarkerSigmas& sigmas, Utime now);
 
 // Points of a cloud in its frame, whatever that is [m]: fields x, y and z, all FLOAT32 or FLOAT64, little-endian. Those
-// that are no numbers, as organised clouds have where nothing was measured, are left out.
+// that are no numbers, as organised clouds have where nothing was measured, or beyond kMaxPosition_m are left out.
 std::vector<Eigen::Vector3d> points_of(const sensor_msgs::msg::PointCloud2& cloud);
 
 }  // namespace swarm

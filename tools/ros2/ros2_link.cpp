@@ -1,12 +1,25 @@
 #include "tools/ros2/ros2_link.h"
 
 #include <boost/asio/post.hpp>
+#include <exception>
 #include <utility>
 
 namespace swarm {
 namespace {
 
 constexpr std::size_t kNewest = 1;  // messages kept, reliably: whoever listens hears them
+constexpr std::size_t kWaitingStates = 10;
+
+// What `publish` throws, in words; empty: nothing.
+template <class Publish>
+std::string attempt(const std::string& topic, const Publish& publish) {
+  try {
+    publish();
+    return "";
+  } catch (const std::exception& error) {
+    return topic + ": " + error.what();
+  }
+}
 
 }  // namespace
 
@@ -33,23 +46,41 @@ void Ros2Link::connect(RealtimeHost& host, Ros2Node& node) {
   node_ = &node;
   timer_.emplace(host.io());
   const rclcpp::SensorDataQoS whatever_comes;  // best effort: of whoever speaks
-  subscribe("odometry", whatever_comes, &Ros2Node::on_odometry);
-  subscribe("goal", kNewest, &Ros2Node::on_goal);
-  subscribe("obstacles", whatever_comes, &Ros2Node::on_obstacles);
-  subscribe("cloud", whatever_comes, &Ros2Node::on_cloud);
+  subscribe("odometry", whatever_comes, kWaitingStates, &Ros2Node::on_odometry);
+  subscribe("goal", kNewest, kNewest, &Ros2Node::on_goal);
+  subscribe("obstacles", whatever_comes, kNewest, &Ros2Node::on_obstacles);
+  subscribe("cloud", whatever_comes, kNewest, &Ros2Node::on_cloud);
   tell_soon();
   thread_ = std::thread([this] { executor_.spin(); });
 }
 
 template <class Message>
-void Ros2Link::subscribe(const std::string& topic, const rclcpp::QoS& qos,
-                         void (Ros2Node::*on_message)(Utime, const Message&, Outbox&)) {
-  subscriptions_.push_back(
-      ros_->create_subscription<Message>(topic, qos, [this, on_message](std::shared_ptr<const Message> message) {
-        boost::asio::post(host_->io(), [this, on_message, message] {
-          host_->deliver(*node_, [&](Utime now, Outbox& outbox) { (node_->*on_message)(now, *message, outbox); });
-        });
+void Ros2Link::subscribe(const std::string& topic, const rclcpp::QoS& qos, std::size_t most,
+                         OnMessage<Message> on_message) {
+  const auto inbox = std::make_shared<Inbox<Message>>();
+  subscriptions_.push_back(ros_->create_subscription<Message>(
+      topic, qos, [this, most, on_message, inbox](std::shared_ptr<const Message> message) {
+        const std::lock_guard lock(inbox->mutex);
+        inbox->waiting.push_back(message);
+        if (inbox->waiting.size() > most) {
+          inbox->waiting.pop_front();
+          ++inbox->overtaken;
+        } else if (inbox->waiting.size() == 1) {  // the host's thread is not asked yet
+          boost::asio::post(host_->io(), [this, on_message, inbox] { hear(*inbox, on_message); });
+        }
       }));
+}
+
+template <class Message>
+void Ros2Link::hear(Inbox<Message>& inbox, OnMessage<Message> on_message) {
+  std::deque<std::shared_ptr<const Message>> messages;
+  {
+    const std::lock_guard lock(inbox.mutex);
+    messages.swap(inbox.waiting);
+    node_->on_overtaken(std::exchange(inbox.overtaken, 0));
+  }
+  for (const auto& message : messages)
+    host_->deliver(*node_, [&](Utime now, Outbox& outbox) { (node_->*on_message)(now, *message, outbox); });
 }
 
 void Ros2Link::tell_soon() {
@@ -61,21 +92,21 @@ void Ros2Link::tell_soon() {
   });
 }
 
-void Ros2Link::publish_path(int robot_id, const nav_msgs::msg::Path& path) {
+std::string Ros2Link::publish_path(int robot_id, const nav_msgs::msg::Path& path) {
   PathPublisher& publisher = paths_[robot_id];
-  if (!publisher) {
-    publisher =
-        ros_->create_publisher<nav_msgs::msg::Path>("peers/robot_" + std::to_string(robot_id) + "/path", kNewest);
-  }
-  publisher->publish(path);
+  const std::string robot = "robot_" + std::to_string(robot_id);
+  return attempt("path of " + robot, [&] {
+    if (!publisher) publisher = ros_->create_publisher<nav_msgs::msg::Path>("peers/" + robot + "/path", kNewest);
+    publisher->publish(path);
+  });
 }
 
-void Ros2Link::publish_command(const trajectory_msgs::msg::MultiDOFJointTrajectory& command) {
-  command_->publish(command);
+std::string Ros2Link::publish_command(const trajectory_msgs::msg::MultiDOFJointTrajectory& command) {
+  return attempt("command/trajectory", [&] { command_->publish(command); });
 }
 
-void Ros2Link::publish_occupied(const sensor_msgs::msg::PointCloud2& cloud) {
-  occupied_->publish(cloud);
+std::string Ros2Link::publish_occupied(const sensor_msgs::msg::PointCloud2& cloud) {
+  return attempt("occupied", [&] { occupied_->publish(cloud); });
 }
 
 }  // namespace swarm

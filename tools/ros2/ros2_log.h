@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "lcmtypes/bus/recurring.h"
@@ -17,9 +18,16 @@ class Ros2Log {
   std::vector<LogLine> update(Utime now, const Ros2Report& report);
 
  private:
+  struct Told {
+    std::int64_t count = 0;
+    Recurring line;
+  };
+  // Says how many more there are than were told, once in ten seconds the most.
+  static void tell_more(std::vector<LogLine>* lines, Utime now, std::int64_t count, const char* what,
+                        const std::string& newest, Told* told);
+
   bool is_silent_ = false;
-  std::int64_t refused_ = 0;
-  Recurring refusal_;
+  Told refused_, unpublished_;
   std::optional<Recurring> summary_;
 };
 

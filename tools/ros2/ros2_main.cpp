@@ -1,5 +1,7 @@
 // ros2_bridge: see ros2_node.h.
 #include <algorithm>
+#include <exception>
+#include <iostream>
 #include <utility>
 
 #include "lcmtypes/bus/boot.h"
@@ -28,14 +30,16 @@ int run(int argc, const char* const* argv) {
         return made;
       },
       [&](RealtimeHost& host) {
-        link->connect(host, *node);
-        return std::exchange(link, nullptr);  // it ends before the host does
+        const auto own = std::exchange(link, nullptr);  // it ends before the host does, also where this throws
+        own->connect(host, *node);
+        return own;
       });
 }
 
 }  // namespace
 }  // namespace swarm
 
-int main(int argc, char** argv) {
-  return swarm::run(argc, argv);
+int main(int argc, char** argv) try { return swarm::run(argc, argv); } catch (const std::exception& error) {
+  std::cerr << "ros2_bridge: " << error.what() << std::endl;
+  return 2;
 }

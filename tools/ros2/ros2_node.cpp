@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <utility>
 
@@ -15,6 +16,8 @@ namespace {
 constexpr Duration kRosAge = 1s, kMapAge = 1s;       // older messages are refused
 constexpr Duration kViewPeriod = 200ms;              // of paths and clouds, which are to be looked at
 constexpr double kPoses_s = 1.0, kPoseGap_s = 0.2;   // how long poses are kept; between two, one is known
+constexpr std::size_t kWaitingClouds = 5;            // for odometry
+constexpr Duration kWait = 1s;                       // the longest one, by their stamps
 constexpr Duration kSilence = 50ms, kSample = 10ms;  // without setpoints the committed trajectory is followed
 constexpr Duration kBroadcasterGone = 500ms;         // nothing was heard of it for so long
 constexpr Duration kAtRest = 1s;                     // for which the place of rest is told after all has ended
@@ -53,10 +56,12 @@ Ros2Node::Ros2Node(const Ros2Config& config, std::int32_t boot, RosOutbox& ros)
       state_headers_(config.robot_id, boot),
       goal_headers_(config.robot_id, boot),
       obstacle_headers_(config.robot_id, boot),
-      scan_headers_(config.robot_id, boot) {}
+      scan_headers_(config.robot_id, boot),
+      goal_boot_(boot) {}
 
 std::vector<Subscription> Ros2Node::subscriptions() const {
-  return {{BusId::kOnboard, channel::kSetpoint},
+  return {{BusId::kOnboard, channel::kGoal},
+          {BusId::kOnboard, channel::kSetpoint},
           {BusId::kOnboard, channel::kOwnTrajectory},
           {BusId::kOnboard, channel::kPeerTrajectory},
           {BusId::kOnboard, channel::kSogm}};
@@ -67,26 +72,30 @@ void Ros2Node::take(const char* topic, const Translate& translate) {
   try {
     translate();
   } catch (const RosRefused& refused) {
-    ++report_.refused[static_cast<std::size_t>(refused.reason)];
-    report_.words = std::string(topic) + ": " + refused.words;
+    refuse(topic, refused);
   }
 }
 
-void Ros2Node::check_stamp(Utime now, Utime utime, Newest* newest) const {
+void Ros2Node::refuse(const char* topic, const RosRefused& refused) {
+  ++report_.refused[static_cast<std::size_t>(refused.reason)];
+  report_.words = std::string(topic) + ": " + refused.words;
+}
+
+void Ros2Node::check_stamp(Utime now, Utime utime, const Newest& newest) const {
   const Duration limit = to_duration(config_.clock_limit_s);
   if (check_time(utime, now, kRosAge, limit) != Refusal::kNone)
     throw RosRefused{RosRefusal::kTime, "stamp is " + std::to_string((now - utime) / 1ms) +
                                             " ms old: must be UTC, at most 1 s old and not of the future"};
-  if (*newest && utime <= **newest) throw RosRefused{RosRefusal::kOrder, "stamp: must be later than the one before"};
-  *newest = utime;
+  if (newest && utime <= *newest) throw RosRefused{RosRefusal::kOrder, "stamp: must be later than the one before"};
 }
 
 void Ros2Node::on_odometry(Utime now, const nav_msgs::msg::Odometry& odometry, Outbox& outbox) {
   take("odometry", [&] {
     sogm_swarm::robot_state_t state = state_of(odometry, config_.frame);
     const Utime utime = utime_of(odometry.header.stamp);
-    check_stamp(now, utime, &odometry_newest_);
+    check_stamp(now, utime, odometry_newest_);
     poses_.push_back(body_pose_of(odometry));
+    odometry_newest_ = utime;
     while (poses_.front().t_s < poses_.back().t_s - kPoses_s) poses_.pop_front();
     if (config_.publish_state) {
       state.header = state_headers_.next(utime);
@@ -94,13 +103,14 @@ void Ros2Node::on_odometry(Utime now, const nav_msgs::msg::Odometry& odometry, O
       ++report_.states;
     }
   });
-  take("cloud", [&] { place_cloud(outbox); });
+  place_clouds(outbox);
 }
 
 void Ros2Node::on_goal(Utime now, const geometry_msgs::msg::PoseStamped& pose, Outbox& outbox) {
   take("goal", [&] {
     sogm_swarm::goal_t goal = goal_of(pose, config_.frame);
     goal.header = goal_headers_.next(now);
+    (void)goal_gate_.pass(goal.header);
     outbox.publish(BusId::kOnboard, channel::kGoal, goal);
     ++report_.goals;
   });
@@ -110,7 +120,8 @@ void Ros2Node::on_obstacles(Utime now, const visualization_msgs::msg::MarkerArra
   take("obstacles", [&] {
     MarkerObstacles found = obstacles_of(markers, config_.frame, config_.sigmas, now);
     const Utime utime = to_utime(found.message.header.utime);
-    check_stamp(now, utime, &obstacles_newest_);
+    check_stamp(now, utime, obstacles_newest_);
+    obstacles_newest_ = utime;
     found.message.header = obstacle_headers_.next(utime);
     outbox.publish(BusId::kOnboard, channel::kObstacles, found.message);
     ++report_.obstacle_messages;
@@ -124,20 +135,29 @@ void Ros2Node::on_cloud(Utime now, const sensor_msgs::msg::PointCloud2& cloud, O
     if (frame != config_.frame && frame != config_.lidar_frame)
       throw RosRefused{RosRefusal::kFrame,
                        "frame_id '" + frame + "': must be '" + config_.lidar_frame + "' or '" + config_.frame + "'"};
-    Cloud heard{utime_of(cloud.header.stamp), frame == config_.frame, points_of(cloud)};
-    check_stamp(now, heard.utime, &cloud_newest_);
-    const bool waited = std::exchange(cloud_, std::move(heard)).has_value();
-    if (waited) throw RosRefused{RosRefusal::kPose, "no odometry since its stamp"};
+    const Utime utime = utime_of(cloud.header.stamp);
+    check_stamp(now, utime, cloud_newest_);
+    clouds_.push_back({utime, frame == config_.frame, points_of(cloud)});
+    cloud_newest_ = utime;
   });
-  take("cloud", [&] { place_cloud(outbox); });
+  place_clouds(outbox);
+  while (clouds_.size() > kWaitingClouds || (!clouds_.empty() && clouds_.front().utime < *cloud_newest_ - kWait)) {
+    clouds_.pop_front();
+    refuse("cloud", {RosRefusal::kPose, "no odometry since its stamp"});
+  }
 }
 
-void Ros2Node::place_cloud(Outbox& outbox) {
-  if (!cloud_) return;
-  const double t_s = to_seconds(cloud_->utime.time_since_epoch());
+void Ros2Node::place_clouds(Outbox& outbox) {
+  while (!clouds_.empty() && odometry_newest_ && clouds_.front().utime <= *odometry_newest_) {
+    Cloud cloud = std::move(clouds_.front());
+    clouds_.pop_front();
+    take("cloud", [&] { place(cloud, outbox); });
+  }
+}
+
+void Ros2Node::place(Cloud& cloud, Outbox& outbox) {
+  const double t_s = to_seconds(cloud.utime.time_since_epoch());
   const auto later = std::ranges::lower_bound(poses_, t_s, {}, &TimedPose::t_s);
-  if (later == poses_.end()) return;  // it may come
-  Cloud cloud = *std::exchange(cloud_, std::nullopt);
   const bool is_then = later->t_s == t_s;
   if (!is_then && (later == poses_.begin() || later->t_s - std::prev(later)->t_s > kPoseGap_s))
     throw RosRefused{RosRefusal::kPose, "odometry has a gap at its stamp"};
@@ -154,7 +174,9 @@ void Ros2Node::place_cloud(Outbox& outbox) {
 
 void Ros2Node::on_message(Utime now, BusId, std::string_view channel, std::span<const std::uint8_t> bytes, Outbox&) {
   Refusal refusal = Refusal::kNone;
-  if (channel == channel::kSetpoint) {
+  if (channel == channel::kGoal) {
+    refusal = on_goal_of_bus(bytes);
+  } else if (channel == channel::kSetpoint) {
     refusal = on_setpoint(now, bytes);
   } else if (channel == channel::kSogm) {
     refusal = on_sogm(now, bytes);
@@ -162,6 +184,19 @@ void Ros2Node::on_message(Utime now, BusId, std::string_view channel, std::span<
     refusal = on_announcement(now, channel == channel::kOwnTrajectory, bytes);
   }
   if (refusal != Refusal::kNone) report_.refused_from_bus.count(refusal);
+}
+
+// The planner takes newer goals only. Where another sender is ahead, the next goal of ROS has a boot beyond its.
+Refusal Ros2Node::on_goal_of_bus(std::span<const std::uint8_t> bytes) {
+  sogm_swarm::goal_t goal;
+  const Refusal refusal = receive(bytes, FromRobot{config_.robot_id}, TimeWindow(), AnyOrder(), &goal);
+  if (refusal != Refusal::kNone) return refusal;
+  const bool is_newest = goal_gate_.pass(goal.header) == Refusal::kNone;  // own ones come back, which are not
+  if (is_newest && goal.header.boot >= goal_boot_) {
+    goal_boot_ = std::min(goal.header.boot, std::numeric_limits<std::int32_t>::max() - 1) + 1;
+    goal_headers_ = HeaderSource(config_.robot_id, goal_boot_);
+  }
+  return Refusal::kNone;
 }
 
 // Whatever its time: the broadcaster keeps its own until the robot rests, where the clock was set.
@@ -189,7 +224,9 @@ Refusal Ros2Node::on_announcement(Utime now, bool is_own, std::span<const std::u
   const auto from = [&](const sogm_swarm::announcement_t& m) {
     const bool is_expected = is_own == (m.header.robot_id == config_.robot_id) &&
                              (robots_.contains(m.header.robot_id) || std::ssize(robots_) < kMaxRosterRobots);
-    return is_expected ? Refusal::kNone : Refusal::kRobot;
+    if (!is_expected) return Refusal::kRobot;
+    const Utime end = motion_of(m).end_utime();
+    return end <= to_utime(m.header.utime) + kMaxMotion ? Refusal::kNone : Refusal::kInconsistent;
   };
   const auto in_order = [&](const sogm_swarm::announcement_t& m) {
     return robots_[m.header.robot_id].gate.pass(m.header);
@@ -199,8 +236,8 @@ Refusal Ros2Node::on_announcement(Utime now, bool is_own, std::span<const std::u
   const Motion motion = motion_of(message);
   Robot& robot = robots_[message.header.robot_id];
   if (now >= robot.path.due(now, kViewPeriod)) {
-    ros_.publish_path(message.header.robot_id, path_of(motion, to_utime(message.header.utime), config_.frame));
-    ++report_.paths;
+    const nav_msgs::msg::Path path = path_of(motion, to_utime(message.header.utime), config_.frame);
+    count(ros_.publish_path(message.header.robot_id, path), &report_.paths);
     robot.path.done(now);
   }
   if (is_own) {
@@ -218,16 +255,23 @@ Refusal Ros2Node::on_sogm(Utime now, std::span<const std::uint8_t> bytes) {
     return refusal;
   const Assembly assembly = sogm_parts_.add(part, &sogm_);
   if (assembly.status == AssemblyStatus::kComplete && now >= occupied_.due(now, kViewPeriod)) {
-    ros_.publish_occupied(cloud_of(sogm_, sogm_.frame_at(now), config_.frame));
-    ++report_.clouds;
+    count(ros_.publish_occupied(cloud_of(sogm_, sogm_.frame_at(now), config_.frame)), &report_.clouds);
     occupied_.done(now);
   }
   return assembly.refusal;
 }
 
 void Ros2Node::command(Utime now, const MotionState& state, double yaw_rate_radps) {
-  ros_.publish_command(command_of(now, state, yaw_rad_, yaw_rate_radps, config_.frame));
-  ++report_.commands;
+  count(ros_.publish_command(command_of(now, state, yaw_rad_, yaw_rate_radps, config_.frame)), &report_.commands);
+}
+
+void Ros2Node::count(const std::string& failure, std::int64_t* published) {
+  if (failure.empty()) {
+    ++*published;
+    return;
+  }
+  ++report_.unpublished;
+  report_.unpublished_words = failure;
 }
 
 // Without setpoints the committed trajectory goes on, for peers count on it.
@@ -254,7 +298,7 @@ bool Ros2Node::on_clock_step(Utime, Duration step) {
   if (setpoint_heard_) *setpoint_heard_ += step;
   odometry_newest_ = obstacles_newest_ = cloud_newest_ = std::nullopt;
   poses_.clear();
-  cloud_.reset();
+  clouds_.clear();
   return true;
 }
 

@@ -34,18 +34,21 @@ struct Ros2Config {
 
 void declare(OptionSet& options, Ros2Config& config);
 
-// Where the node puts what is for ROS.
+// Where the node puts what is for ROS. Returned: why it was not published, in words; empty when it was.
 class RosOutbox {
  public:
   virtual ~RosOutbox() = default;
-  virtual void publish_path(int robot_id, const nav_msgs::msg::Path& path) = 0;
-  virtual void publish_command(const trajectory_msgs::msg::MultiDOFJointTrajectory& command) = 0;
-  virtual void publish_occupied(const sensor_msgs::msg::PointCloud2& cloud) = 0;
+  [[nodiscard]] virtual std::string publish_path(int robot_id, const nav_msgs::msg::Path& path) = 0;
+  [[nodiscard]] virtual std::string publish_command(const trajectory_msgs::msg::MultiDOFJointTrajectory& command) = 0;
+  [[nodiscard]] virtual std::string publish_occupied(const sensor_msgs::msg::PointCloud2& cloud) = 0;
 };
 
 struct Ros2Report {
   std::int64_t states = 0, goals = 0, obstacle_messages = 0, scans = 0;  // from ROS to the bus
   std::int64_t commands = 0, paths = 0, clouds = 0;                      // from the bus to ROS
+  std::int64_t overtaken = 0;                                            // from ROS, before this heard them
+  std::int64_t unpublished = 0;                                          // that ROS did not take
+  std::string unpublished_words;                                         // why it did not take the newest of them
   std::int64_t passed_over = 0;                                          // markers that are no obstacles
   std::int64_t thinned = 0;                                              // clouds with more points than fit a scan
   std::array<std::int64_t, kNumRosRefusals> refused{};                   // from ROS
@@ -67,12 +70,15 @@ class Ros2Node : public Node {
 
   // What comes from ROS.
   void on_odometry(Utime now, const nav_msgs::msg::Odometry& odometry, Outbox& outbox);
-  // Holds from now on, whatever its stamp: who asks for something asks for it until told otherwise.
+  // Holds from now on, whatever its stamp: who asks for something asks for it until told otherwise. Also where another
+  // sender has told a goal before.
   void on_goal(Utime now, const geometry_msgs::msg::PoseStamped& pose, Outbox& outbox);
   void on_obstacles(Utime now, const visualization_msgs::msg::MarkerArray& markers, Outbox& outbox);
-  // In W or in the LiDAR's frame, with the motion during the turn taken out. A cloud waits for the odometry that is not
-  // older, which says where the robot was.
+  // In W or in the LiDAR's frame, with the motion during the turn taken out. Clouds wait for the odometry that is not
+  // older, which says where the robot was: five of the last second.
   void on_cloud(Utime now, const sensor_msgs::msg::PointCloud2& cloud, Outbox& outbox);
+  // So many messages were not handed over, for newer ones had come.
+  void on_overtaken(std::int64_t messages) { report_.overtaken += messages; }
 
   const Ros2Report& report() const { return report_; }
 
@@ -92,14 +98,21 @@ class Ros2Node : public Node {
   // Calls `translate`, counts what it refuses.
   template <class Translate>
   void take(const char* topic, const Translate& translate);
+  void refuse(const char* topic, const RosRefused& refused);
   // Throws RosRefused for what is too old, from the future, or not newer than before.
-  void check_stamp(Utime now, Utime utime, Newest* newest) const;
-  void place_cloud(Outbox& outbox);
+  void check_stamp(Utime now, Utime utime, const Newest& newest) const;
+  // Of the clouds that wait those for which odometry has come.
+  void place_clouds(Outbox& outbox);
+  // One for which it has.
+  void place(Cloud& cloud, Outbox& outbox);
 
+  Refusal on_goal_of_bus(std::span<const std::uint8_t> bytes);
   Refusal on_setpoint(Utime now, std::span<const std::uint8_t> bytes);
   Refusal on_announcement(Utime now, bool is_own, std::span<const std::uint8_t> bytes);
   Refusal on_sogm(Utime now, std::span<const std::uint8_t> bytes);
   void command(Utime now, const MotionState& state, double yaw_rate_radps);
+  // What a publish_... of RosOutbox has returned.
+  void count(const std::string& failure, std::int64_t* published);
 
   Ros2Config config_;
   RosOutbox& ros_;
@@ -109,8 +122,10 @@ class Ros2Node : public Node {
   HeaderSource state_headers_, goal_headers_, obstacle_headers_, scan_headers_;
   Newest odometry_newest_, obstacles_newest_, cloud_newest_;
   std::deque<TimedPose> poses_;  // of the body, of the last second
-  std::optional<Cloud> cloud_;   // waits for odometry
+  std::deque<Cloud> clouds_;     // wait for odometry, in order
 
+  std::int32_t goal_boot_;  // of goal_headers_
+  SequenceGate goal_gate_;  // of all goals, own and others'
   SequenceGate setpoint_gate_;
   std::map<int, Robot> robots_;  // that were heard, this one too
   SogmAssembler sogm_parts_;

@@ -55,8 +55,9 @@ nav_msgs::msg::Path path_of(const Motion& motion, Utime from, const std::string&
     pose.header.frame_id = frame;
     assign(motion.at(utime).position, &pose.pose.position);
   };
-  for (Utime utime = from; utime < motion.end_utime(); utime += kPathPeriod) add(utime);
-  add(std::max(from, motion.end_utime()));
+  const Utime begin = std::max(from, motion.committed.start_utime());
+  for (Utime utime = begin; utime < motion.end_utime(); utime += kPathPeriod) add(utime);
+  add(std::max(begin, motion.end_utime()));
   return path;
 }
 

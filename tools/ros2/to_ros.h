@@ -15,8 +15,8 @@ namespace swarm {
 // UTC.
 builtin_interfaces::msg::Time stamp_of(Utime utime);
 
-// What a robot is bound to fly, every 0.1 s from `from` on and at its end, each pose with its time. It says nothing of
-// where the robot faces.
+// What a robot is bound to fly, every 0.1 s from `from` or its start on, the later one, and at its end, each pose with
+// its time. It says nothing of where the robot faces. So many poses as it is long: the caller sees to that.
 nav_msgs::msg::Path path_of(const Motion& motion, Utime from, const std::string& frame);
 
 // One point for a trajectory follower: position and yaw; velocity and yaw rate; acceleration.

@@ -1,14 +1,18 @@
 // Stands in for ROS 2's header: what tools/ros2 uses of it, and no more. Nothing is sent anywhere: tests hand messages
-// to subscriptions, and read what was published, by the functions of `stand_in`.
+// to subscriptions, and read what was published, by the functions of `stand_in`. The rule TOPIC:=// makes all that is
+// done with the topic throw; shutdown() is told on stderr.
 #pragma once
 
 #include <any>
 #include <condition_variable>
 #include <cstddef>
 #include <functional>
+#include <iostream>
 #include <map>
 #include <memory>
 #include <mutex>
+#include <set>
+#include <stdexcept>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -41,7 +45,11 @@ struct StandIn {
   bool runs = false;
   std::map<std::string, Subscriber> subscribers;           // by topic
   std::map<std::string, std::vector<std::any>> published;  // by topic, empty where there is a publisher only
+  std::set<std::string> broken;                            // topics with which nothing can be done
 
+  void check(const std::string& topic) const {
+    if (broken.contains(topic)) throw std::runtime_error(topic + " is broken");
+  }
   static StandIn& instance() {
     static StandIn stand_in;
     return stand_in;
@@ -60,6 +68,7 @@ class Publisher {
   void publish(const Message& message) {
     StandIn& ros = StandIn::instance();
     const std::lock_guard lock(ros.mutex);
+    ros.check(topic_);
     ros.published[topic_].push_back(message);
   }
 
@@ -75,6 +84,7 @@ class Node {
   std::shared_ptr<Publisher<Message>> create_publisher(const std::string& topic, const QoS&) {
     StandIn& ros = StandIn::instance();
     const std::lock_guard lock(ros.mutex);
+    ros.check(topic);
     ros.published[topic];
     return std::make_shared<Publisher<Message>>(topic);
   }
@@ -83,6 +93,7 @@ class Node {
   SubscriptionBase::SharedPtr create_subscription(const std::string& topic, const QoS& qos, Callback callback) {
     StandIn& ros = StandIn::instance();
     const std::lock_guard lock(ros.mutex);
+    ros.check(topic);
     ros.subscribers[topic] = {qos.is_reliable, [callback](const std::any& message) {
                                 callback(std::any_cast<std::shared_ptr<const Message>>(message));
                               }};
@@ -90,12 +101,17 @@ class Node {
   }
 };
 
-inline void init(int, const char* const*, const InitOptions&, SignalHandlerOptions) {
+inline void init(int argc, const char* const* argv, const InitOptions&, SignalHandlerOptions) {
   StandIn& ros = StandIn::instance();
   const std::lock_guard lock(ros.mutex);
   ros.runs = true;
   ros.subscribers.clear();
   ros.published.clear();
+  ros.broken.clear();
+  for (int i = 0; i < argc; ++i) {
+    const std::string_view word = argv[i];
+    if (word.ends_with(":=//")) ros.broken.emplace(word.substr(0, word.size() - 4));
+  }
 }
 
 inline void shutdown() {
@@ -103,9 +119,10 @@ inline void shutdown() {
   const std::lock_guard lock(ros.mutex);
   ros.runs = false;
   ros.changed.notify_all();
+  std::cerr << "rclcpp: shut down" << std::endl;
 }
 
-// Without what stands between --ros-args and -- or the end.
+// Without what stands between --ros-args and -- or the end. Throws for a rule that is none.
 inline std::vector<std::string> remove_ros_arguments(int argc, const char* const* argv) {
   std::vector<std::string> others;
   bool is_for_ros = false;
@@ -113,6 +130,8 @@ inline std::vector<std::string> remove_ros_arguments(int argc, const char* const
     const std::string_view word = argv[i];
     if (word == "--ros-args") is_for_ros = true;
     if (!is_for_ros) others.emplace_back(word);
+    if (is_for_ros && argv[i - 1] == std::string_view("-r") && word.find(":=") == word.npos)
+      throw std::runtime_error("Couldn't parse remap rule: '-r " + std::string(word) + "'");
     if (word == "--") is_for_ros = false;
   }
   return others;
