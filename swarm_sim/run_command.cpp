@@ -146,7 +146,7 @@ int run_command(int argc, const char* const* argv) try {
   std::optional<FlightTrace> trace;
   if (!run.out.empty()) {
     std::filesystem::create_directories(out);
-    remove_results(out);
+    if (run.mode == "lockstep") remove_results(out);  // processes: when nothing is in the way of the flight
     std::vector<int> ids;
     for (const WorldRobot& robot : world.robots) ids.push_back(robot.id);
     if (run.log_buses) logs.emplace(out, ids);

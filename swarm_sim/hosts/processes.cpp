@@ -246,6 +246,7 @@ RunReport run_processes(const World& world, const OccupiedCubes* static_map, con
   if (relayed && !processes.netns.empty())
     throw OptionError("netns: between namespaces the network is what it is; no --link-... with it");
 
+  if (!processes.out.empty()) remove_results(processes.out);
   RealtimeHost host;
   const World simulated = !processes.mavlink.empty() ? bridged(world) : world;
   Simulation simulation(simulated, static_map,

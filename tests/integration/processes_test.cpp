@@ -216,6 +216,11 @@ TEST_F(Processes, InterruptEndsAllAndKeepsWhatWasFlown) {
   EXPECT_EQ(results("run"),
             (std::set<std::string>{"robot0.lcm", "robot1.lcm", "swarm.lcm", "trace.csv", "world.json"}));
   EXPECT_NE(program.err().find("interrupted; what was flown is in "), std::string::npos) << program.err();
+  // One that cannot begin changes nothing.
+  const Finished refused = run_program({"swarm_sim", "run", directory_ / "world.json", "--mode", "processes", "--out",
+                                        directory_ / "run", "--clock-step", "0:1:1"});
+  EXPECT_EQ(refused.exit_code, 2) << refused.err;
+  EXPECT_TRUE(fs::exists(directory_ / "run/robot0.lcm"));
   // The next flight, in another mode, leaves nothing of this one.
   EXPECT_TRUE(fs::exists(directory_ / "run/robot0-map.log"));
   EXPECT_EQ(run_program({"swarm_sim", "run", directory_ / "world.json", "--out", directory_ / "run"}, 60.0).exit_code,
