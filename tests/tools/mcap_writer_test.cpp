@@ -87,7 +87,7 @@ TEST(McapWriter, NamesWhatCannotBeWritten) {
     McapWriter writer(directory / "none/log.mcap", "p");
     ADD_FAILURE() << "there is no such directory";
   } catch (const std::runtime_error& error) {
-    EXPECT_EQ(error.what(), (directory / "none/log.mcap").string() + ": cannot be written");
+    EXPECT_EQ(error.what(), (directory / "none/log.mcap").string() + ": cannot be written: No such file or directory");
   }
 }
 
