@@ -379,6 +379,10 @@ TEST(View, BrowserShowsWhatSensorsSee) {
                                  "shown().obstacles > 0 && shown().uncertain > 0 && "
                                  "shown().cards.some((card) => card.includes('scans'))"))
       << browser.evaluate("shown()");
+  for (const char* const visible : {"false", "true"}) {
+    browser.click_on("#show-sight");
+    EXPECT_TRUE(browser.wait_until(10.0 * kPatience, std::string("scene.sight.visible === ") + visible));
+  }
   (void)browser.evaluate("select(null)");
   EXPECT_TRUE(browser.wait_until(10.0 * kPatience, "shown().scan + shown().standing + shown().masks === 0"))
       << browser.evaluate("shown()");
