@@ -1,4 +1,5 @@
 // Whole flights in lock-step: success, the same bytes every time, logs that can be read, motions that can be flown.
+// Long because every promise about a flight is looked up in one.
 #include "swarm_sim/hosts/lockstep.h"
 
 #include <octomap/octomap.h>

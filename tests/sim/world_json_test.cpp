@@ -1,4 +1,4 @@
-// What world files may say, and what is written to them.
+// What world files may say, and what is written to them. Long because every key is tried, good and bad.
 #include "swarm_sim/world/world_json.h"
 
 #include <gtest/gtest.h>

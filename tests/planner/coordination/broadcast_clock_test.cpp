@@ -1,5 +1,5 @@
 // Setpoints while the wall clock is set: they go on at their rate, along what was committed, and never jump. And what
-// wrong clocks of peers hinder.
+// wrong clocks of peers hinder. Long because clocks go wrong in many ways: back, ahead, drifting, one's own, a peer's.
 #include <vector>
 
 #include "tests/support/broadcast_robot.h"

@@ -1,4 +1,5 @@
-// What the broadcast daemon says and does with what it hears: announcements, setpoints, statuses and refusals.
+// What the broadcast daemon says and does with what it hears: announcements, setpoints, statuses and refusals. Long
+// because every message that it hears and says is tried.
 #include "planner_daemon/coordination/broadcast_node.h"
 
 #include <array>
