@@ -96,9 +96,7 @@ std::string percent(int part, int whole) {
 }  // namespace
 
 ResultsFile::ResultsFile(std::filesystem::path path) : path_(std::move(path)) {
-  const auto fail = [this] {
-    fail_to_write(path_);
-  };
+  const auto fail = [this] { fail_to_write(path_); };
   descriptor_ = ::open(path_.c_str(), O_RDWR | O_CREAT | O_APPEND | O_CLOEXEC, 0644);
   if (descriptor_ < 0) fail();
   try {
@@ -130,8 +128,7 @@ bool ResultsFile::holds(const std::string& trial) const {
 
 void ResultsFile::append(const TrialRow& row) {
   const std::string line = csv_line(row) + "\n";
-  if (::write(descriptor_, line.data(), line.size()) != static_cast<ssize_t>(line.size()))
-    fail_to_write(path_);
+  if (::write(descriptor_, line.data(), line.size()) != static_cast<ssize_t>(line.size())) fail_to_write(path_);
   rows_.push_back(row);
 }
 
