@@ -96,9 +96,8 @@ std::string percent(int part, int whole) {
 }  // namespace
 
 ResultsFile::ResultsFile(std::filesystem::path path) : path_(std::move(path)) {
-  const auto fail = [this] { fail_to_write(path_); };
   descriptor_ = ::open(path_.c_str(), O_RDWR | O_CREAT | O_APPEND | O_CLOEXEC, 0644);
-  if (descriptor_ < 0) fail();
+  if (descriptor_ < 0) fail_to_write(path_);
   try {
     if (::flock(descriptor_, LOCK_EX | LOCK_NB) != 0)
       throw std::runtime_error(path_.string() + ": another campaign is writing it");
@@ -107,10 +106,11 @@ ResultsFile::ResultsFile(std::filesystem::path path) : path_(std::move(path)) {
     rows_ = parse_rows(text, path_, &torn);
     if (torn == text.size() && torn > 0 && csv_line(trial_columns()).compare(0, torn, text) != 0)
       throw std::runtime_error(path_.string() + ": line 1: must be the columns of this program's results");
-    if (torn > 0 && ::ftruncate(descriptor_, static_cast<off_t>(text.size() - torn)) != 0) fail();
+    if (torn > 0 && ::ftruncate(descriptor_, static_cast<off_t>(text.size() - torn)) != 0) fail_to_write(path_);
     if (torn == text.size()) {
       const std::string header = csv_line(trial_columns()) + "\n";
-      if (::write(descriptor_, header.data(), header.size()) != static_cast<ssize_t>(header.size())) fail();
+      if (::write(descriptor_, header.data(), header.size()) != static_cast<ssize_t>(header.size()))
+        fail_to_write(path_);
     }
   } catch (...) {
     ::close(descriptor_);
