@@ -6,6 +6,7 @@
 #include <iostream>
 #include <numbers>
 
+#include "lcmtypes/bus/crc32.h"
 #include "lcmtypes/bus/option_set.h"
 #include "lcmtypes/bus/portable_math.h"
 #include "lcmtypes/bus/text.h"
@@ -28,6 +29,7 @@ struct Sample {
   std::vector<double> position_m, velocity_mps, latency_s, scan_ms;
   int due = 0, missed = 0, scans = 0;
   int false_moving = 0, false_unseen = 0;  // the second: of the first, those that this scan did not see
+  std::uint32_t digest = 0;                // of all reports and of all that was seen
 };
 
 // Of this thread: others may be at work beside it.
@@ -35,6 +37,15 @@ double processor_ms() {
   timespec time{};
   ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
   return 1e3 * static_cast<double>(time.tv_sec) + 1e-6 * static_cast<double>(time.tv_nsec);
+}
+
+// A change that changes no result leaves this as it is.
+void digest(const Perception& perception, Sample* sample) {
+  std::vector<std::uint8_t> report;
+  encode(perception.report(), &report);
+  const std::span words(perception.seen_space().words);
+  const std::span seen(reinterpret_cast<const std::uint8_t*>(words.data()), words.size_bytes());
+  sample->digest = crc32(seen, crc32(report, sample->digest));
 }
 
 World world_of(const Options& options, int number) {
@@ -97,6 +108,7 @@ void fly(const Options& options, int number, Sample* sample) {
     perception.update(scan, {}, header);
     sample->scan_ms.push_back(processor_ms() - begun);
     ++sample->scans;
+    digest(perception, sample);
 
     const auto predicted = [utime](const Track& track) {
       return Eigen::Vector3d(track.obstacle.position +
@@ -185,7 +197,7 @@ int run(int argc, char** argv) {
             << three(100.0 * sample.missed / std::max(sample.due, 1)) << " %; false moving tracks a scan "
             << three(double(sample.false_moving) / sample.scans) << " (out of sight "
             << three(double(sample.false_unseen) / sample.scans) << "); scan "
-            << two(&TimingStats::p99_ms, sample.scan_ms, "p99") << " ms\n";
+            << two(&TimingStats::p99_ms, sample.scan_ms, "p99") << " ms\ndigest " << std::hex << sample.digest << '\n';
   return 0;
 }
 
