@@ -44,6 +44,8 @@ FreeSpaceGrid::FreeSpaceGrid(double resolution_m, Duration memory)
     : memory_(memory),
       geometry_{.resolution_m = resolution_m, .size = {kEdge, kEdge, kHeight}},
       columns_(kColumns, unknown()),
+      occupied_(kColumns),
+      seen_(kColumns),
       free_(kColumns),
       surfaces_(kColumns),
       moving_(kColumns) {
@@ -57,6 +59,11 @@ FreeSpaceGrid::Column FreeSpaceGrid::unknown() {
   return column;
 }
 
+void FreeSpaceGrid::forget_column(std::size_t column) {
+  columns_[column] = unknown();
+  occupied_[column] = seen_[column] = 0;
+}
+
 std::uint64_t FreeSpaceGrid::turned(std::uint64_t word) const {
   return std::rotr(word, geometry_.origin.z() & (kHeight - 1));
 }
@@ -68,7 +75,7 @@ void FreeSpaceGrid::move_to(const Eigen::Vector3d& place) {
   is_placed_ = true;
   geometry_.origin = origin;
   if (all) {
-    std::fill(columns_.begin(), columns_.end(), unknown());
+    for (std::size_t i = 0; i < kColumns; ++i) forget_column(i);
     return;
   }
   // What left the window on one side lies where what comes into it on the other will.
@@ -76,31 +83,34 @@ void FreeSpaceGrid::move_to(const Eigen::Vector3d& place) {
     const int first = by[axis] > 0 ? kEdge - by[axis] : 0, count = std::abs(by[axis]);
     for (int i = first; i < first + count; ++i)
       for (int j = 0; j < kEdge; ++j)
-        columns_[static_cast<std::size_t>(axis == 0 ? column_of(i, j) : column_of(j, i))] = unknown();
+        forget_column(static_cast<std::size_t>(axis == 0 ? column_of(i, j) : column_of(j, i)));
   }
   if (by.z() == 0) return;
   const int count = std::abs(by.z()), first = by.z() > 0 ? kHeight - count : 0;
   const std::uint64_t entering = std::rotl((kAll >> (kHeight - count)) << first, geometry_.origin.z() & (kHeight - 1));
   const Column blank = unknown();
-  for (Column& column : columns_) {
+  for (std::size_t i = 0; i < kColumns; ++i) {
+    Column& column = columns_[i];
     const auto clear = [entering](std::uint64_t& word, std::uint64_t to) {
       word = (word & ~entering) | (to & entering);
     };
     for (std::uint64_t& word : column.certainty) clear(word, 0);
-    for (std::size_t i = 0; i < 4; ++i) clear(column.free_scans[i], blank.free_scans[i]);
+    for (std::size_t bit = 0; bit < 4; ++bit) clear(column.free_scans[bit], blank.free_scans[bit]);
     for (std::uint64_t& word : column.seen_lately) clear(word, 0);
     clear(column.ever_free, 0);
     clear(column.lasting, 0);
     clear(column.lasting_before, 0);
+    clear(occupied_[i], 0);
+    clear(seen_[i], 0);
   }
 }
 
 // In steps of half a voxel: a corner that the ray cuts may be missed, which errs to the safe side.
-void FreeSpaceGrid::see_free(const Eigen::Vector3d& from, const Eigen::Vector3d& to) {
-  const Eigen::Vector3d start = from / geometry_.resolution_m - geometry_.origin.cast<double>();
-  const Eigen::Vector3d way = (to - from) / geometry_.resolution_m;
+FreeSpaceGrid::Walk FreeSpaceGrid::walk_along(const RangeScan::Ray& ray) const {
+  const Eigen::Vector3d start = ray.from / geometry_.resolution_m - geometry_.origin.cast<double>();
+  const Eigen::Vector3d way = (ray.to - ray.from) / geometry_.resolution_m;
   const Inside inside = clipped(start, way, geometry_.size.cast<double>());
-  if (inside.begin >= inside.end) return;
+  if (inside.begin >= inside.end) return {};
   const double length = (inside.end - inside.begin) * way.norm();
   const int steps = std::max(static_cast<int>(2.0 * length), 1);
   const Eigen::Vector3d step = (inside.end - inside.begin) / steps * way;
@@ -109,12 +119,30 @@ void FreeSpaceGrid::see_free(const Eigen::Vector3d& from, const Eigen::Vector3d&
                                 Eigen::Vector3d(geometry_.origin.x() & (kEdge - 1), geometry_.origin.y() & (kEdge - 1),
                                                 geometry_.origin.z() & (kHeight - 1));
   const auto fixed = [](double value) { return static_cast<std::uint32_t>(static_cast<std::int32_t>(value * kOne)); };
-  std::uint32_t x = fixed(first.x()), y = fixed(first.y()), z = fixed(first.z());
-  const std::uint32_t dx = fixed(step.x()), dy = fixed(step.y()), dz = fixed(step.z());
-  for (int i = 0; i < steps; ++i) {
-    const std::uint32_t column = (x >> kShift & (kEdge - 1)) * kEdge + (y >> kShift & (kEdge - 1));
-    free_[column] |= std::uint64_t{1} << (z >> kShift & (kHeight - 1));
-    x += dx, y += dy, z += dz;
+  return {.x = fixed(first.x()),
+          .y = fixed(first.y()),
+          .z = fixed(first.z()),
+          .dx = fixed(step.x()),
+          .dy = fixed(step.y()),
+          .dz = fixed(step.z()),
+          .steps = steps};
+}
+
+void FreeSpaceGrid::see_free(std::span<const RangeScan::Ray> rays) {
+  // Where several rays begin is found at once: each takes long, but none waits for another.
+  constexpr std::size_t kAtOnce = 64;
+  std::array<Walk, kAtOnce> walks;
+  std::uint64_t* const free = free_.data();
+  for (; !rays.empty(); rays = rays.subspan(std::min(kAtOnce, rays.size()))) {
+    const std::size_t number = std::min(kAtOnce, rays.size());
+    for (std::size_t i = 0; i < number; ++i) walks[i] = walk_along(rays[i]);
+    for (auto [x, y, z, dx, dy, dz, steps] : std::span(walks).first(number)) {
+      for (; steps > 0; --steps) {
+        const std::uint32_t column = (x >> kShift & (kEdge - 1)) * kEdge + (y >> kShift & (kEdge - 1));
+        free[column] |= std::uint64_t{1} << (z >> kShift & (kHeight - 1));
+        x += dx, y += dy, z += dz;
+      }
+    }
   }
 }
 
@@ -202,7 +230,10 @@ void FreeSpaceGrid::finish(Utime utime) {
         free_[static_cast<std::size_t>(((x + i) & (kEdge - 1)) * kEdge + ((y + j) & (kEdge - 1)))] &= ~beside;
   }
   for (std::size_t i = 0; i < kColumns; ++i) {
-    if ((free_[i] | surfaces_[i]) != 0) learn(free_[i], surfaces_[i], moving_[i], &columns_[i]);
+    if ((free_[i] | surfaces_[i]) == 0) continue;
+    learn(free_[i], surfaces_[i], moving_[i], &columns_[i]);
+    occupied_[i] = columns_[i].occupied();
+    seen_[i] = columns_[i].seen();
     free_[i] = surfaces_[i] = moving_[i] = 0;
   }
   surface_columns_.clear();
@@ -213,6 +244,7 @@ void FreeSpaceGrid::recall(int column, std::uint64_t standing) {
   const std::uint64_t word =
       std::rotl(standing, geometry_.origin.z() & (kHeight - 1)) & ~(known.seen() | known.occupied());
   known.certainty[0] |= word;
+  occupied_[static_cast<std::size_t>(column)] |= word;
   known.lasting |= word;
   known.lasting_before |= word;
 }
@@ -222,10 +254,12 @@ void FreeSpaceGrid::forget_old(Utime utime) {
   if (is_over(seen_since_, memory_ / 2)) {
     const bool all = utime >= seen_since_ + 3 * (memory_ / 2);  // without a scan all the time
     seen_since_ = utime;
-    for (Column& column : columns_) {
-      if (all) column.seen_lately = {};
-      std::rotate(column.seen_lately.begin(), column.seen_lately.end() - 1, column.seen_lately.end());
-      column.seen_lately[0] = 0;
+    for (std::size_t i = 0; i < kColumns; ++i) {
+      auto& lately = columns_[i].seen_lately;
+      if (all) lately = {};
+      std::rotate(lately.begin(), lately.end() - 1, lately.end());
+      lately[0] = 0;
+      seen_[i] = columns_[i].seen();
     }
   }
   if (is_over(lasting_since_, kLasting)) {

@@ -6,9 +6,11 @@
 #include <Eigen/Core>
 #include <array>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "lcmtypes/bus/time.h"
+#include "map_daemon/perception/range_scan.h"
 #include "map_daemon/sogm.h"
 
 namespace swarm {
@@ -25,7 +27,11 @@ class FreeSpaceGrid {
   void move_to(const Eigen::Vector3d& place);
 
   // One scan: whatever its rays pass and where they end, then finish(). Places outside the window are ignored.
-  void see_free(const Eigen::Vector3d& from, const Eigen::Vector3d& to);
+  void see_free(std::span<const RangeScan::Ray> rays);
+  void see_free(const Eigen::Vector3d& from, const Eigen::Vector3d& to) {
+    const RangeScan::Ray ray{from, to};
+    see_free({&ray, 1});
+  }
   void see_free_around(const Eigen::Vector3d& place, double radius_m);
   // What is so near and known stays known.
   void keep_around(const Eigen::Vector3d& place, double radius_m);
@@ -53,7 +59,7 @@ class FreeSpaceGrid {
   // surfaces() and free() are of this scan, the others of what was known before it.
   std::uint64_t surfaces(int column) const { return turned(surfaces_[static_cast<std::size_t>(column)]); }
   std::uint64_t free(int column) const { return turned(free_[static_cast<std::size_t>(column)]); }
-  std::uint64_t occupied(int column) const { return turned(column_at(column).occupied()); }
+  std::uint64_t occupied(int column) const { return turned(occupied_[static_cast<std::size_t>(column)]); }
   // Was free in ten scans one after the other, and not occupied for four seconds since.
   std::uint64_t ever_free(int column) const { return turned(column_at(column).ever_free); }
   // Occupied for two to four seconds.
@@ -61,7 +67,7 @@ class FreeSpaceGrid {
     const Column& known = column_at(column);
     return turned(known.lasting & known.lasting_before);
   }
-  std::uint64_t seen(int column) const { return turned(column_at(column).seen()); }
+  std::uint64_t seen(int column) const { return turned(seen_[static_cast<std::size_t>(column)]); }
 
  private:
   static constexpr std::size_t kColumns = std::size_t{kEdge} * kEdge;
@@ -76,9 +82,16 @@ class FreeSpaceGrid {
     std::uint64_t occupied() const { return certainty[0] | certainty[1] | certainty[2]; }
     std::uint64_t seen() const { return seen_lately[0] | seen_lately[1] | seen_lately[2]; }
   };
+  // A ray in the window as it lies in memory: places and steps in voxels, fixed point.
+  struct Walk {
+    std::uint32_t x, y, z, dx, dy, dz;
+    int steps;
+  };
   static Column unknown();
   static void learn(std::uint64_t free, std::uint64_t surfaces, std::uint64_t moving, Column* column);
 
+  Walk walk_along(const RangeScan::Ray& ray) const;
+  void forget_column(std::size_t column);
   const Column& column_at(int column) const { return columns_[static_cast<std::size_t>(column)]; }
   // In the order of the window.
   std::uint64_t turned(std::uint64_t word) const;
@@ -90,6 +103,7 @@ class FreeSpaceGrid {
   GridGeometry geometry_;
   bool is_placed_ = false;
   std::vector<Column> columns_;
+  std::vector<std::uint64_t> occupied_, seen_;           // by `columns_`: whoever reads them all reads so much less
   std::vector<std::uint64_t> free_, surfaces_, moving_;  // of this scan
   std::vector<int> surface_columns_;
   Utime seen_since_{}, lasting_since_{};

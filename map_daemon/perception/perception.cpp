@@ -84,7 +84,7 @@ void Perception::look(const RangeScan& scan, std::span<const PeerMask::Ball> rob
   grid_.see_free_around(scan.origin, has_begun_ ? config_.body_m : config_.begin_m);
   grid_.keep_around(scan.origin, kNearby_m);
   has_begun_ = true;
-  for (const RangeScan::Ray& ray : scan.free) grid_.see_free(ray.from, ray.to);
+  grid_.see_free(scan.free);
   surfaces_.clear();
   points_ = static_cast<int>(scan.surfaces.size());
   masked_ = 0;
