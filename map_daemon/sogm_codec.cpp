@@ -188,7 +188,7 @@ std::span<const sogm_t> SogmEncoder::encode(const Sogm& sogm, sogm_swarm::header
   const std::size_t num_parts = (packed_size_ + most - 1) / most;
 
   header.utime = to_us(sogm.start_utime);
-  parts_.resize(num_parts);
+  parts_.resize(std::max(parts_.size(), num_parts));  // keeps the memory of those that this map does not need
   for (std::size_t i = 0; i < num_parts; ++i) {
     sogm_t& part = parts_[i];
     const auto begin = packed_.begin() + static_cast<std::ptrdiff_t>(i * most);
@@ -207,7 +207,7 @@ std::span<const sogm_t> SogmEncoder::encode(const Sogm& sogm, sogm_swarm::header
     part.num_bytes = static_cast<std::int32_t>(part_bytes);
     part.packed.assign(begin, begin + static_cast<std::ptrdiff_t>(part_bytes));
   }
-  return parts_;
+  return std::span(parts_).first(num_parts);
 }
 
 SogmAssembler::SogmAssembler() : memory_(std::make_unique<ChangeMemory>()), parts_(kMaxParts) {}

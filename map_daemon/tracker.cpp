@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
+#include <utility>
 
 #include "lcmtypes/bus/codec.h"
 
@@ -20,6 +22,7 @@ constexpr double kNoise = 2.0;             // of the variance of a velocity: mor
 constexpr double kTurning = 1.4;           // one whose direction turns within seconds seems so much smaller than it is
 constexpr double kMost_mps2 = 4.0;         // that an obstacle is taken to accelerate by
 constexpr Duration kOnceMore = 100ms;      // that what was seen once is kept
+constexpr std::size_t kUsualTracks = 128;  // for so many there is memory from the beginning
 constexpr std::size_t kMaxPairs = 1 << 16;  // of tracks and reports that are compared
 
 Shape::Kind to_kind(std::int16_t shape) {
@@ -56,6 +59,14 @@ void learn_acceleration(double dt_s, Track* track) {
   track->obstacle.acceleration_mps2 = std::min(acceleration_mps2, kMost_mps2);
 }
 
+// The indices of items by their ids. Of one id the first comes first, as std::stable_sort has it, which takes memory.
+template <class IdOf, class Item>
+void order_by_id(const IdOf& id_of, const std::vector<Item>& items, std::vector<std::size_t>* order) {
+  order->resize(items.size());
+  std::iota(order->begin(), order->end(), std::size_t{0});
+  std::ranges::sort(*order, {}, [&](std::size_t i) { return std::pair(id_of(items[i]), i); });
+}
+
 bool is_alike(const Shape& a, const Shape& b) {
   return a.kind == b.kind && (a.size - b.size).cwiseAbs().maxCoeff() <= 0.5 * a.size.cwiseMax(b.size).maxCoeff();
 }
@@ -65,6 +76,12 @@ bool is_alike(const Shape& a, const Shape& b) {
 TrackCovariance TrackCovariance::after(double dt_s, double density) const {
   return {position + dt_s * (2.0 * both + dt_s * (velocity + dt_s * density / 3.0)),
           both + dt_s * (velocity + dt_s * density / 2.0), velocity + dt_s * density};
+}
+
+Tracker::Tracker(const TrackerConfig& config) : config_(config) {
+  for (auto* const tracks : {&tracks_, &unseen_, &found_}) tracks->reserve(kUsualTracks);
+  for (auto* const detections : {&seen_, &unknown_}) detections->reserve(kUsualTracks);
+  order_.reserve(kUsualTracks);
 }
 
 Tracker::Detection Tracker::detection_of(const obstacle_t& message, Utime utime) const {
@@ -144,30 +161,31 @@ bool Tracker::is_kept(const Track& track, Utime utime) const {
 
 void Tracker::update(const obstacles_t& report) {
   const Utime utime = to_utime(report.header.utime);
-  std::vector<Detection> seen;
-  seen.reserve(report.obstacles.size());
-  for (const obstacle_t& obstacle : report.obstacles) seen.push_back(detection_of(obstacle, utime));
-  std::ranges::stable_sort(seen, {}, &Detection::id);
-  std::vector<Track> tracks, unseen;
-  std::vector<Detection> unknown;
-  tracks.reserve(seen.size());
+  seen_.clear();
+  for (const obstacle_t& obstacle : report.obstacles) seen_.push_back(detection_of(obstacle, utime));
+  unseen_.clear();
+  unknown_.clear();
+  found_.clear();
+  order_by_id([](const Detection& detection) { return detection.id; }, seen_, &order_);
   auto known = tracks_.begin();
-  for (const Detection& detection : seen) {  // both are in the order of their ids
-    while (known != tracks_.end() && known->id < detection.id) unseen.push_back(std::move(*known++));
+  for (const std::size_t i : order_) {  // both are in the order of their ids
+    const Detection& detection = seen_[i];
+    while (known != tracks_.end() && known->id < detection.id) unseen_.push_back(*known++);
     if (known != tracks_.end() && known->id == detection.id) {
-      correct(detection, utime, &tracks.emplace_back(std::move(*known++)));
+      correct(detection, utime, &found_.emplace_back(*known++));
     } else {
-      unknown.push_back(detection);
+      unknown_.push_back(detection);
     }
   }
-  std::move(known, tracks_.end(), std::back_inserter(unseen));
-  if (!report.complete) adopt(utime, &unseen, &unknown, &tracks);
-  for (const Detection& detection : unknown) tracks.push_back(begun(detection, utime));
-  for (Track& track : unseen) {
-    if (!report.complete && is_kept(track, utime)) tracks.push_back(std::move(track));
+  unseen_.insert(unseen_.end(), known, tracks_.end());
+  if (!report.complete) adopt(utime, &unseen_, &unknown_, &found_);
+  for (const Detection& detection : unknown_) found_.push_back(begun(detection, utime));
+  for (const Track& track : unseen_) {
+    if (!report.complete && is_kept(track, utime)) found_.push_back(track);
   }
-  std::ranges::stable_sort(tracks, {}, &Track::id);
-  tracks_ = std::move(tracks);
+  order_by_id([](const Track& track) { return track.id; }, found_, &order_);
+  tracks_.clear();
+  for (const std::size_t i : order_) tracks_.push_back(found_[i]);
 }
 
 void Tracker::adopt(Utime utime, std::vector<Track>* unseen, std::vector<Detection>* unknown,

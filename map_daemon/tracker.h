@@ -40,7 +40,7 @@ double velocity_sigma_mps(const Track& track);
 
 class Tracker {
  public:
-  explicit Tracker(const TrackerConfig& config) : config_(config) {}
+  explicit Tracker(const TrackerConfig& config);
 
   // A report that passed decode(), newer than those before. What it lacks is gone where it is complete; otherwise it
   // may only be out of sight, and is kept for as long as it was seen, or nearly so, at most until the timeout.
@@ -70,6 +70,10 @@ class Tracker {
 
   TrackerConfig config_;
   std::vector<Track> tracks_;
+  // Of update(), whose memory is kept for the next.
+  std::vector<Detection> seen_, unknown_;
+  std::vector<Track> unseen_, found_;
+  std::vector<std::size_t> order_;
 };
 
 }  // namespace swarm

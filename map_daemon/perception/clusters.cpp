@@ -91,8 +91,25 @@ void ClusterFinder::join_runs() {
   }
 }
 
+// Its points to each cluster, in their order.
+void ClusterFinder::give_points() {
+  points_.resize(cluster_of_place_.size());
+  int* next = points_.data();
+  for (std::size_t i = 0; i < clusters_.size(); ++i) {
+    clusters_[i].points = {next, sizes_[i]};
+    next += sizes_[i];
+    sizes_[i] = 0;
+  }
+  for (std::size_t i = 0; i < cluster_of_place_.size(); ++i) {
+    if (cluster_of_place_[i] < 0) continue;
+    const auto number = static_cast<std::size_t>(cluster_of_place_[i]);
+    points_[static_cast<std::size_t>(clusters_[number].points.data() - points_.data()) + sizes_[number]++] =
+        static_cast<int>(i);
+  }
+}
+
 const std::vector<Cluster>& ClusterFinder::find(const FreeSpaceGrid& grid, std::span<const Eigen::Vector3d> places,
-                                                bool steps) {
+                                                std::span<const Eigen::Vector3i> voxels, bool steps) {
   collect_runs(grid, steps);
   take_runs();
   join_runs();
@@ -121,8 +138,10 @@ const std::vector<Cluster>& ClusterFinder::find(const FreeSpaceGrid& grid, std::
     if (is_open(run.low - kBeside, run.low - 1)) ++cluster.open_below;
   }
   has_moved_.assign(places.size(), 0);
+  cluster_of_place_.assign(places.size(), -1);
+  sizes_.assign(clusters_.size(), 0);
   for (std::size_t i = 0; i < places.size(); ++i) {
-    const Eigen::Vector3i voxel = grid.geometry().voxel_of(places[i]);
+    const Eigen::Vector3i& voxel = voxels[i];
     if (!grid.geometry().contains(voxel)) continue;
     const int first = cell(voxel.x(), voxel.y());
     for (auto r = static_cast<std::size_t>(std::max(first, 0)); first >= 0 && r < runs_.size(); ++r) {
@@ -131,14 +150,15 @@ const std::vector<Cluster>& ClusterFinder::find(const FreeSpaceGrid& grid, std::
       if (voxel.z() > run.high) continue;
       if (cluster_of_run_[r] < 0) break;
       has_moved_[i] = (run.moved >> voxel.z() & 1) != 0 ? 1 : 0;
+      cluster_of_place_[i] = cluster_of_run_[r];
       Cluster& cluster = clusters_[static_cast<std::size_t>(cluster_of_run_[r])];
-      if (cluster.points.empty()) cluster.low = cluster.high = places[i];
-      cluster.points.push_back(static_cast<int>(i));
+      if (sizes_[static_cast<std::size_t>(cluster_of_run_[r])]++ == 0) cluster.low = cluster.high = places[i];
       cluster.low = cluster.low.cwiseMin(places[i]);
       cluster.high = cluster.high.cwiseMax(places[i]);
       break;
     }
   }
+  give_points();
   std::erase_if(clusters_, [](const Cluster& cluster) {
     return cluster.points.empty() || (cluster.voxels < kLeastVoxels && cluster.points.size() < 3);
   });

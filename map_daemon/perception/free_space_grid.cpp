@@ -175,8 +175,7 @@ void FreeSpaceGrid::keep_around(const Eigen::Vector3d& place, double radius_m) {
   });
 }
 
-void FreeSpaceGrid::see_surface(const Eigen::Vector3d& place) {
-  const Eigen::Vector3i voxel = geometry_.voxel_of(place);
+void FreeSpaceGrid::see_surface_in(const Eigen::Vector3i& voxel) {
   if (!geometry_.contains(voxel)) return;
   const int column = column_of(voxel.x(), voxel.y());
   std::uint64_t& word = surfaces_[static_cast<std::size_t>(column)];
@@ -184,8 +183,7 @@ void FreeSpaceGrid::see_surface(const Eigen::Vector3d& place) {
   word |= std::uint64_t{1} << ((voxel.z() + geometry_.origin.z()) & (kHeight - 1));
 }
 
-void FreeSpaceGrid::mark_moving(const Eigen::Vector3d& place) {
-  const Eigen::Vector3i voxel = geometry_.voxel_of(place);
+void FreeSpaceGrid::mark_moving_in(const Eigen::Vector3i& voxel) {
   if (!geometry_.contains(voxel)) return;
   moving_[static_cast<std::size_t>(column_of(voxel.x(), voxel.y()))] |=
       std::uint64_t{1} << ((voxel.z() + geometry_.origin.z()) & (kHeight - 1));

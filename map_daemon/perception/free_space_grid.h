@@ -35,11 +35,13 @@ class FreeSpaceGrid {
   void see_free_around(const Eigen::Vector3d& place, double radius_m);
   // What is so near and known stays known.
   void keep_around(const Eigen::Vector3d& place, double radius_m);
-  void see_surface(const Eigen::Vector3d& place);
+  void see_surface(const Eigen::Vector3d& place) { see_surface_in(geometry_.voxel_of(place)); }
+  void see_surface_in(const Eigen::Vector3i& voxel);  // of the window
   // Columns with surfaces in this scan.
   const std::vector<int>& surface_columns() const { return surface_columns_; }
   // A surface of what moves: it is not kept as occupied.
-  void mark_moving(const Eigen::Vector3d& place);
+  void mark_moving(const Eigen::Vector3d& place) { mark_moving_in(geometry_.voxel_of(place)); }
+  void mark_moving_in(const Eigen::Vector3i& voxel);
   void finish(Utime utime);
   // What was known to stand in this column, in the order of the window: where nothing else is known it stands, until it
   // is seen free.

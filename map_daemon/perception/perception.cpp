@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <utility>
 
 namespace swarm {
@@ -33,6 +34,7 @@ constexpr double kCutWeight = 4.0;                            // and what is kno
 constexpr double kMostGate_m = 0.5;
 constexpr double kTile_m = 0.8;        // what is not round and moved is taken in pieces of this size
 constexpr double kShapeless_m = 0.08;  // standard deviation of where the middle of such a piece is
+constexpr std::size_t kUsual = 128;    // pieces and tracks: for so many there is memory from the beginning
 constexpr std::size_t kLeastPoints = 4, kFitPoints = 160;
 constexpr double kWall_m = 0.15;    // what is seen so near to a wall that is known is the wall
 constexpr double kAround_m = 0.15;  // surfaces so near to what moves are of it
@@ -48,14 +50,18 @@ Perception::Perception(const PerceptionConfig& config)
     : config_(config),
       static_map_(config.static_map.empty() ? StaticMap() : StaticMap(config.static_map, config.resolution_m, kWall_m)),
       grid_(config.resolution_m, to_duration(config.memory_s)),
-      tracker_(config.tracks) {}
+      tracker_(config.tracks) {
+  expected_.reserve(kUsual);
+  pieces_.reserve(kUsual);
+  for (sogm_swarm::obstacles_t* report : {&seen_, &report_}) report->obstacles.reserve(kUsual);
+}
 
 void Perception::update(const RangeScan& scan, std::span<const PeerMask::Ball> robots,
                         const sogm_swarm::header_t& header) {
   look(scan, robots);
   expect_tracks(scan.utime);
   pieces_.clear();
-  for (const Cluster& cluster : finder_.find(grid_, surfaces_, config_.explores)) divide(cluster, scan);
+  for (const Cluster& cluster : finder_.find(grid_, surfaces_, voxels_, config_.explores)) divide(cluster, scan);
   for (sogm_swarm::obstacles_t* report : {&seen_, &report_}) {
     report->header = header;
     report->header.utime = to_us(scan.utime);
@@ -86,6 +92,7 @@ void Perception::look(const RangeScan& scan, std::span<const PeerMask::Ball> rob
   has_begun_ = true;
   grid_.see_free(scan.free);
   surfaces_.clear();
+  voxels_.clear();
   points_ = static_cast<int>(scan.surfaces.size());
   masked_ = 0;
   for (const Eigen::Vector3d& place : scan.surfaces) {
@@ -93,8 +100,11 @@ void Perception::look(const RangeScan& scan, std::span<const PeerMask::Ball> rob
       ++masked_;
       continue;
     }
-    grid_.see_surface(place);
-    if (!static_map_.holds(place)) surfaces_.push_back(place);
+    const Eigen::Vector3i voxel = grid_.geometry().voxel_of(place);
+    grid_.see_surface_in(voxel);
+    if (!config_.static_map.empty() && static_map_.holds(place)) continue;
+    surfaces_.push_back(place);
+    voxels_.push_back(voxel);
   }
 }
 
@@ -112,16 +122,17 @@ void Perception::expect_tracks(Utime utime) {
 
 void Perception::divide(const Cluster& cluster, const RangeScan& scan) {
   if (cluster.points.empty()) return;  // a wall that is known
-  std::vector<const Expected*> near;
+  std::pmr::vector<const Expected*> near(&memory_);
   for (const Expected& track : expected_) {
     const double reach_m = track.form->radius.radius_m + track.gate_m;
     const Eigen::Vector2d outside =
         (cluster.low.head<2>() - track.center).cwiseMax(track.center - cluster.high.head<2>()).cwiseMax(0.0);
     if (outside.norm() <= reach_m) near.push_back(&track);
   }
-  if (near.empty()) return add_new_pieces(cluster, scan, cluster.points);
-  std::vector<std::vector<int>> parts(near.size());
-  std::vector<int> rest;
+  if (near.empty())
+    return add_new_pieces(cluster, scan, Points(cluster.points.begin(), cluster.points.end(), &memory_));
+  std::pmr::vector<Points> parts(near.size(), &memory_);
+  Points rest(&memory_);
   for (const int point : cluster.points) {
     const Eigen::Vector2d place = surfaces_[static_cast<std::size_t>(point)].head<2>();
     std::size_t best = near.size();
@@ -148,7 +159,7 @@ void Perception::divide(const Cluster& cluster, const RangeScan& scan) {
   if (rest.size() * 4 > cluster.points.size()) add_new_pieces(cluster, scan, std::move(rest));
 }
 
-bool Perception::fit_track(const Expected& track, const RangeScan& scan, Piece* piece, std::vector<int>* left) {
+bool Perception::fit_track(const Expected& track, const RangeScan& scan, Piece* piece, Points* left) {
   if (piece->points.size() < kLeastPoints) return false;
   piece->is_cut = sides_of(piece->points, scan).free < 2;
   const double noise_m = scan.noise_at((track.center - scan.origin.head<2>()).norm());
@@ -169,7 +180,7 @@ bool Perception::fit_track(const Expected& track, const RangeScan& scan, Piece* 
     }
   }
   if (piece->is_round) {
-    std::vector<int> points = std::move(piece->points);
+    Points points = std::move(piece->points);
     piece->points.clear();
     take_round(fit, &points, piece);
     left->insert(left->end(), points.begin(), points.end());
@@ -189,7 +200,7 @@ bool Perception::fit_track(const Expected& track, const RangeScan& scan, Piece* 
   return true;
 }
 
-void Perception::add_new_pieces(const Cluster& cluster, const RangeScan& scan, std::vector<int> points) {
+void Perception::add_new_pieces(const Cluster& cluster, const RangeScan& scan, Points points) {
   if (points.size() < kLeastPoints) return;
   const bool is_near = std::ranges::any_of(points, [&](int point) {
     return (surfaces_[static_cast<std::size_t>(point)] - scan.origin).norm() <= scan.range_m;
@@ -203,25 +214,25 @@ void Perception::add_new_pieces(const Cluster& cluster, const RangeScan& scan, s
   if (has_moved(whole.points) || (!config_.explores && is_alone(cluster, scan))) add_tiles(cluster, whole.points);
 }
 
-void Perception::add_rounds(const Cluster& cluster, const RangeScan& scan, std::vector<int>* points) {
+void Perception::add_rounds(const Cluster& cluster, const RangeScan& scan, Points* points) {
   for (int i = 0; i < kMaxRounds && points->size() >= kLeastPoints; ++i) {
     const std::span<const Eigen::Vector2d> places = seen_from_above(*points);
     const double noise_m = scan.noise_at((places[0] - scan.origin.head<2>()).norm());
     const std::optional<RoundFit> fit = find_round(places, scan.origin.head<2>(), noise_m);
     if (!fit) return;
-    Piece piece{.id = kNew, .points = {}, .cluster = &cluster};
+    Piece piece{.id = kNew, .points = Points(&memory_), .cluster = &cluster};
     take_round(*fit, points, &piece);
     if (piece.points.size() >= kLeastPoints && may_move(*fit, scan, &piece)) pieces_.push_back(std::move(piece));
   }
 }
 
 // The points on the circle become the piece's.
-void Perception::take_round(const RoundFit& fit, std::vector<int>* points, Piece* piece) {
+void Perception::take_round(const RoundFit& fit, Points* points, Piece* piece) {
   piece->is_round = true;
   piece->center = fit.center;
   piece->sigma_m = fit.sigma_m;
   piece->radius = fit.radius;
-  std::vector<int> left;
+  Points left(&memory_);
   for (const int point : *points) {
     const Eigen::Vector2d place = surfaces_[static_cast<std::size_t>(point)].head<2>();
     const bool is_on = std::abs((place - fit.center).norm() - fit.radius.radius_m) <= kBeside_m;
@@ -230,24 +241,24 @@ void Perception::take_round(const RoundFit& fit, std::vector<int>* points, Piece
   *points = std::move(left);
 }
 
-void Perception::add_tiles(const Cluster& cluster, const std::vector<int>& points) {
+void Perception::add_tiles(const Cluster& cluster, std::span<const int> points) {
   Eigen::Vector2d low = surfaces_[static_cast<std::size_t>(points[0])].head<2>(), high = low;
   for (const int point : points) {
     low = low.cwiseMin(surfaces_[static_cast<std::size_t>(point)].head<2>());
     high = high.cwiseMax(surfaces_[static_cast<std::size_t>(point)].head<2>());
   }
   const Eigen::Vector2i tiles = ((high - low) / kTile_m).array().ceil().max(1.0).matrix().cast<int>();
-  std::vector<Piece> parts(static_cast<std::size_t>(tiles.prod()),
-                           Piece{.id = kNew, .points = {}, .cluster = &cluster});
+  std::pmr::vector<Points> parts(static_cast<std::size_t>(tiles.prod()), &memory_);
   for (const int point : points) {
     const Eigen::Vector2d place = surfaces_[static_cast<std::size_t>(point)].head<2>();
     const Eigen::Vector2i tile = ((place - low) / kTile_m).cast<int>().cwiseMin(tiles - Eigen::Vector2i::Ones());
-    parts[static_cast<std::size_t>(tile.x() * tiles.y() + tile.y())].points.push_back(point);
+    parts[static_cast<std::size_t>(tile.x() * tiles.y() + tile.y())].push_back(point);
   }
-  for (Piece& part : parts) {
-    if (part.points.size() < kLeastPoints) continue;
-    surround(&part);
-    pieces_.push_back(std::move(part));
+  for (Points& part : parts) {
+    if (part.size() < kLeastPoints) continue;
+    Piece piece{.id = kNew, .points = std::move(part), .cluster = &cluster};
+    surround(&piece);
+    pieces_.push_back(std::move(piece));
   }
 }
 
@@ -265,7 +276,7 @@ bool Perception::fit_new(const RangeScan& scan, Piece* piece) {
   return piece->is_round && may_move(fit, scan, piece);
 }
 
-bool Perception::has_moved(const std::vector<int>& points) const {
+bool Perception::has_moved(std::span<const int> points) const {
   return 2 * std::ranges::count_if(points, [this](int point) { return finder_.has_moved(point); }) >=
          std::ssize(points);
 }
@@ -305,7 +316,7 @@ bool Perception::has_left(const Piece& piece, const Form& form) const {
 // For two seconds at least.
 bool Perception::has_stood(const Piece& piece) const {
   const auto stood = std::ranges::count_if(piece.points, [this](int point) {
-    const Eigen::Vector3i voxel = grid_.geometry().voxel_of(surfaces_[static_cast<std::size_t>(point)]);
+    const Eigen::Vector3i& voxel = voxels_[static_cast<std::size_t>(point)];
     return (grid_.lasting(grid_.column_of(voxel.x(), voxel.y())) >> voxel.z() & 1) != 0;
   });
   return 2 * stood >= std::ssize(piece.points);
@@ -324,7 +335,7 @@ void Perception::surround(Piece* piece) {
   piece->is_round = false;
 }
 
-std::span<const Eigen::Vector2d> Perception::seen_from_above(const std::vector<int>& points) {
+std::span<const Eigen::Vector2d> Perception::seen_from_above(std::span<const int> points) {
   from_above_.clear();
   const std::size_t every = points.size() / kFitPoints + 1;
   for (std::size_t i = 0; i < points.size(); i += every)
@@ -332,12 +343,17 @@ std::span<const Eigen::Vector2d> Perception::seen_from_above(const std::vector<i
   return from_above_;
 }
 
-Perception::Sides Perception::sides_of(const std::vector<int>& points, const RangeScan& scan) const {
+Perception::Sides Perception::sides_of(std::span<const int> points, const RangeScan& scan) const {
   const auto place = [this](int point) -> const Eigen::Vector3d& { return surfaces_[static_cast<std::size_t>(point)]; };
   const Eigen::Vector2d ahead = (place(points[points.size() / 2]) - scan.origin).head<2>().normalized();
   const Eigen::Vector2d aside(-ahead.y(), ahead.x());
-  const auto [right, left] = std::ranges::minmax(
-      points, {}, [&](int point) { return aside.dot(place(point).head<2>() - scan.origin.head<2>()); });
+  int right = points[0], left = right;
+  double least_m = std::numeric_limits<double>::infinity(), most_m = -least_m;
+  for (const int point : points) {
+    const double aside_m = aside.dot(place(point).head<2>() - scan.origin.head<2>());
+    if (aside_m < least_m) least_m = aside_m, right = point;
+    if (aside_m >= most_m) most_m = aside_m, left = point;
+  }
   const GridGeometry& window = grid_.geometry();
   Sides sides;
   const auto look_beside = [&](const Eigen::Vector3d& end, const Eigen::Vector2d& way) {
@@ -431,7 +447,7 @@ void Perception::mark_moving() {
   for (std::size_t i = 0; i < pieces_.size(); ++i) {
     const auto track = std::ranges::find(tracker_.tracks(), seen_.obstacles[i].id, &Track::id);
     if (track == tracker_.tracks().end() || !is_moving(*track)) continue;
-    for (const int point : pieces_[i].points) grid_.mark_moving(surfaces_[static_cast<std::size_t>(point)]);
+    for (const int point : pieces_[i].points) grid_.mark_moving_in(voxels_[static_cast<std::size_t>(point)]);
   }
 }
 

@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <map>
+#include <memory_resource>
 #include <span>
 #include <string>
 #include <vector>
@@ -85,9 +86,10 @@ class Perception {
     double gate_m;
     const Form* form;
   };
+  using Points = std::pmr::vector<int>;  // indices of surfaces_
   struct Piece {
-    std::int32_t id;          // of its track; kNew
-    std::vector<int> points;  // indices of surfaces_
+    std::int32_t id;  // of its track; kNew
+    Points points;
     const Cluster* cluster;
     Eigen::Vector2d center = Eigen::Vector2d::Zero();  // W [m]
     double sigma_m = 0.0;                              // of it
@@ -102,20 +104,20 @@ class Perception {
   // Divides a cluster among the tracks that it may be of, and what is left.
   void divide(const Cluster& cluster, const RangeScan& scan);
   // Finds where a track is by points that may be of it; which are not, is left. False: nowhere.
-  bool fit_track(const Expected& track, const RangeScan& scan, Piece* piece, std::vector<int>* left);
-  void add_new_pieces(const Cluster& cluster, const RangeScan& scan, std::vector<int> points);
-  void add_rounds(const Cluster& cluster, const RangeScan& scan, std::vector<int>* points);
-  void take_round(const RoundFit& fit, std::vector<int>* points, Piece* piece);
-  void add_tiles(const Cluster& cluster, const std::vector<int>& points);
+  bool fit_track(const Expected& track, const RangeScan& scan, Piece* piece, Points* left);
+  void add_new_pieces(const Cluster& cluster, const RangeScan& scan, Points points);
+  void add_rounds(const Cluster& cluster, const RangeScan& scan, Points* points);
+  void take_round(const RoundFit& fit, Points* points, Piece* piece);
+  void add_tiles(const Cluster& cluster, std::span<const int> points);
   // Beside how many of the two sides of these points it is seen to be free, and beside how many the sensor does not
   // look.
   struct Sides {
     int free = 0, out_of_view = 0;
   };
-  Sides sides_of(const std::vector<int>& points, const RangeScan& scan) const;
+  Sides sides_of(std::span<const int> points, const RangeScan& scan) const;
   static RadiusPrior prior_of(const RadiusPrior& known, bool cut);
   bool fit_new(const RangeScan& scan, Piece* piece);
-  bool has_moved(const std::vector<int>& points) const;
+  bool has_moved(std::span<const int> points) const;
   bool is_alone(const Cluster& cluster, const RangeScan& scan) const;
   bool has_left(const Piece& piece, const Form& form) const;
   bool has_stood(const Piece& piece) const;
@@ -124,19 +126,22 @@ class Perception {
   void report_piece(const Piece& piece, const RangeScan& scan);
   void mark_moving();
   void draw_seen_space(Utime utime);
-  std::span<const Eigen::Vector2d> seen_from_above(const std::vector<int>& points);
+  std::span<const Eigen::Vector2d> seen_from_above(std::span<const int> points);
 
   PerceptionConfig config_;
+  // What the scans before needed serves the next ones.
+  std::pmr::unsynchronized_pool_resource memory_{{.max_blocks_per_chunk = 16, .largest_required_pool_block = 1 << 20}};
   StaticMap static_map_;  // and what is so near to it that it is of it
   FreeSpaceGrid grid_;
   ClusterFinder finder_;
   Tracker tracker_;
-  std::map<std::int32_t, Form> forms_;  // of tracks, by id
+  std::pmr::map<std::int32_t, Form> forms_{&memory_};  // of tracks, by id
   std::int32_t next_id_ = 0;
   bool has_begun_ = false;
 
   // Of the newest scan.
   std::vector<Eigen::Vector3d> surfaces_;
+  std::vector<Eigen::Vector3i> voxels_;  // of these, in the window of the grid
   int points_ = 0, masked_ = 0;
   std::vector<Expected> expected_;
   std::vector<Piece> pieces_;

@@ -117,25 +117,23 @@ TimeWindow PerceptionNode::window(Utime now) const {
 }
 
 Refusal PerceptionNode::on_image(Utime now, std::span<const std::uint8_t> bytes) {
-  sogm_swarm::depth_image_t image;
   const auto in_order = [this](const sogm_swarm::depth_image_t& m) {
     return sensors_[static_cast<std::size_t>(m.sensor)].images.pass(m.header);
   };
-  if (const Refusal refusal = receive(bytes, FromRobot{config_.robot_id}, window(now), in_order, &image);
+  if (const Refusal refusal = receive(bytes, FromRobot{config_.robot_id}, window(now), in_order, &image_);
       refusal != Refusal::kNone)
     return refusal;
-  Sensor& sensor = sensors_[static_cast<std::size_t>(image.sensor)];
-  read_scan(image, config_.perception.scan, config_.perception.resolution_m, &sensor.scan);
+  Sensor& sensor = sensors_[static_cast<std::size_t>(image_.sensor)];
+  read_scan(image_, config_.perception.scan, config_.perception.resolution_m, &sensor.scan);
   return take(&sensor);
 }
 
 Refusal PerceptionNode::on_scan(Utime now, std::span<const std::uint8_t> bytes) {
-  sogm_swarm::lidar_scan_t part;
-  if (const Refusal refusal = receive(bytes, FromRobot{config_.robot_id}, window(now), AnyOrder{}, &part);
+  if (const Refusal refusal = receive(bytes, FromRobot{config_.robot_id}, window(now), AnyOrder{}, &part_);
       refusal != Refusal::kNone)
     return refusal;
-  Sensor& sensor = sensors_[static_cast<std::size_t>(part.sensor)];
-  const ScanAssembler::Result result = sensor.scans.add(part);
+  Sensor& sensor = sensors_[static_cast<std::size_t>(part_.sensor)];
+  const ScanAssembler::Result result = sensor.scans.add(part_);
   if (result == ScanAssembler::Result::kRefused) return Refusal::kSequence;
   if (result == ScanAssembler::Result::kIncomplete) return Refusal::kNone;
   read_scan(sensor.scans.parts(), config_.perception.scan, config_.perception.resolution_m, &sensor.scan);

@@ -86,6 +86,8 @@ class PerceptionNode : public Node {
   bool publish_durations_;
   HeaderSource obstacle_headers_, space_headers_, status_headers_;
   RefusalCounts refused_;
+  sogm_swarm::depth_image_t image_;  // the newest message of each, whose memory serves the next
+  sogm_swarm::lidar_scan_t part_;
   std::array<Sensor, kMaxSensors> sensors_;
   PeerMask robots_;
   std::map<int, SequenceGate> announcement_gates_;  // by robot

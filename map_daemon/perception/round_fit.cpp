@@ -3,8 +3,11 @@
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
+#include <memory_resource>
 #include <vector>
 
 namespace swarm {
@@ -22,8 +25,21 @@ constexpr double kMaxWeight = 400.0;  // a radius stays correctable
 constexpr double kTrust = 2.0;        // times the noise: points twice as far off count a fifth
 constexpr double kInCommon = 4.0;     // so many neighbouring points err as one
 
+// Numbers of points, or points themselves, of which there mostly are few: they take no memory from the heap.
+template <class T>
+class Few {
+ public:
+  explicit Few(std::size_t size) { values_.reserve(size); }
+  std::pmr::vector<T>& values() { return values_; }
+
+ private:
+  std::array<std::byte, 4096> room_;
+  std::pmr::monotonic_buffer_resource memory_{room_.data(), room_.size()};
+  std::pmr::vector<T> values_{&memory_};
+};
+
 // The value that so many of the values are below.
-double above(std::size_t number, std::vector<double>* values) {
+double above(std::size_t number, std::pmr::vector<double>* values) {
   const auto place = values->begin() + static_cast<std::ptrdiff_t>(number);
   std::nth_element(values->begin(), place, values->end());
   return *place;
@@ -41,7 +57,8 @@ RoundFit fit_round(std::span<const Eigen::Vector2d> points, const Eigen::Vector2
   const Eigen::Vector2d ahead = way.norm() > 1e-6 ? Eigen::Vector2d(way.normalized()) : Eigen::Vector2d(1.0, 0.0);
   const Eigen::Vector2d aside(-ahead.y(), ahead.x());
   // Sines of angles from the middle, as the sensor sees them, and distances; strangers at the ends do not count.
-  std::vector<double> sines, distances;
+  Few<double> few_sines(points.size()), few_distances(points.size());
+  std::pmr::vector<double>&sines = few_sines.values(), &distances = few_distances.values();
   for (const Eigen::Vector2d& point : points) {
     distances.push_back(std::max((point - sensor).norm(), 1e-6));
     sines.push_back(aside.dot(point - sensor) / distances.back());
@@ -182,7 +199,8 @@ std::optional<RoundFit> find_round(std::span<const Eigen::Vector2d> points, cons
     best = circle;
   }
   if (!best) return {};
-  std::vector<Eigen::Vector2d> on;
+  Few<Eigen::Vector2d> few(points.size());
+  std::pmr::vector<Eigen::Vector2d>& on = few.values();
   for (const Eigen::Vector2d& point : points)
     if (std::abs((point - best->center).norm() - best->radius) < kOnCircle * noise_m) on.push_back(point);
   const RoundFit fit = fit_round(on, sensor, {best->radius, 4.0}, noise_m);

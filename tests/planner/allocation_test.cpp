@@ -1,71 +1,21 @@
 // The planning cycle of the steady state takes no memory from the heap: every malloc of this program is counted.
 #include <gtest/gtest.h>
 
-#include <atomic>
-#include <cstdlib>
-
 #include "planner_daemon/planner.h"
 #include "planner_daemon/rehearsal.h"
+#include "tests/support/allocations.h"
 #include "tests/support/harness.h"
 #include "tests/support/random_map.h"
 #include "tests/support/random_motion.h"
 #include "tests/support/start_time.h"
 
-// The sanitizers bring their own allocator.
-#if defined(__GLIBC__) && !defined(__SANITIZE_ADDRESS__)
-namespace {
-std::atomic<bool> counting = false;
-std::atomic<int> allocations = 0;
-std::atomic<std::size_t> bytes = 0;
-void count(std::size_t size) {
-  if (!counting) return;
-  ++allocations;
-  bytes += size;
-}
-}  // namespace
-
-extern "C" {
-void* __libc_malloc(std::size_t);
-void* __libc_calloc(std::size_t, std::size_t);
-void* __libc_realloc(void*, std::size_t);
-void* __libc_memalign(std::size_t, std::size_t);
-
-void* malloc(std::size_t size) {
-  count(size);
-  return __libc_malloc(size);
-}
-void* calloc(std::size_t number, std::size_t size) {
-  count(number * size);
-  return __libc_calloc(number, size);
-}
-void* realloc(void* old, std::size_t size) {
-  count(size);
-  return __libc_realloc(old, size);
-}
-void* aligned_alloc(std::size_t alignment, std::size_t size) {
-  count(size);
-  return __libc_memalign(alignment, size);
-}
-int posix_memalign(void** out, std::size_t alignment, std::size_t size) {
-  count(size);
-  *out = __libc_memalign(alignment, size);
-  return *out == nullptr ? 12 : 0;
-}
-}
-
+#ifdef SWARM_COUNTS_ALLOCATIONS
 namespace swarm {
 namespace {
 
 using Eigen::Vector3d;
 
-template <class Call>
-int allocations_of(const Call& call) {
-  allocations = 0;
-  counting = true;
-  call();
-  counting = false;
-  return allocations;
-}
+using test::allocations_of, test::allocated_bytes;
 
 TEST(Allocation, IsCounted) {
   std::vector<int> numbers;
@@ -132,12 +82,12 @@ TEST(Allocation, RehearsedPlansFindTheirMemory) {
     Planner planner(config);
     Rehearsal rehearsal(config.limits);
     while (is_rehearsed && rehearsal.plan(map, &planner)) continue;
-    bytes = 0;
+    allocated_bytes = 0;
     (void)allocations_of([&] {
       (void)planner.plan(request);
       planner.prepare(request);
     });
-    return bytes.load();
+    return allocated_bytes.load();
   };
   const std::size_t rehearsed = bytes_of_plan(true), first = bytes_of_plan(false);
   EXPECT_GT(first, 1'000'000u);
@@ -166,13 +116,13 @@ TEST(Allocation, RehearsedWaysOutFindTheirMemory) {
     request.peers = &peers;
     request.own = {Trajectory::hover(1, kStart - 1s, {-1, 3, 0}), {}};
     request.goal = {3, 3, 0};
-    bytes = 0;
+    allocated_bytes = 0;
     for (int i = 0; i < 2; ++i) {  // the second time it came no nearer for three seconds
       now.start_utime = kStart + i * 3s;
       request.start_utime = now.start_utime + 50ms;
       (void)allocations_of([&] { (void)planner.plan(request); });
     }
-    return bytes.load();
+    return allocated_bytes.load();
   };
   const std::size_t rehearsed = bytes_of_way_out(true), first = bytes_of_way_out(false);
   EXPECT_GT(first, 1'000'000u);
