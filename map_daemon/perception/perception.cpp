@@ -444,10 +444,14 @@ void Perception::mark_moving() {
   std::erase_if(forms_, [this](const auto& entry) {
     return std::ranges::none_of(tracker_.tracks(), [&](const Track& track) { return track.id == entry.first; });
   });
+  moving_points_.clear();
   for (std::size_t i = 0; i < pieces_.size(); ++i) {
     const auto track = std::ranges::find(tracker_.tracks(), seen_.obstacles[i].id, &Track::id);
     if (track == tracker_.tracks().end() || !is_moving(*track)) continue;
-    for (const int point : pieces_[i].points) grid_.mark_moving_in(voxels_[static_cast<std::size_t>(point)]);
+    for (const int point : pieces_[i].points) {
+      grid_.mark_moving_in(voxels_[static_cast<std::size_t>(point)]);
+      moving_points_.push_back(surfaces_[static_cast<std::size_t>(point)]);
+    }
   }
 }
 

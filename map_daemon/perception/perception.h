@@ -58,6 +58,8 @@ class Perception {
     return form != forms_.end() && form->second.is_told;
   }
   bool is_moving(const Track& track) const { return is_told(track) && moves(track); }
+  // Surfaces that the newest scan saw of what moves, W [m].
+  const std::vector<Eigen::Vector3d>& moving_points() const { return moving_points_; }
   int points() const { return points_; }
   int masked() const { return masked_; }
   // What was known to stand stands where nothing else is known.
@@ -142,6 +144,7 @@ class Perception {
   // Of the newest scan.
   std::vector<Eigen::Vector3d> surfaces_;
   std::vector<Eigen::Vector3i> voxels_;  // of these, in the window of the grid
+  std::vector<Eigen::Vector3d> moving_points_;
   int points_ = 0, masked_ = 0;
   std::vector<Expected> expected_;
   std::vector<Piece> pieces_;

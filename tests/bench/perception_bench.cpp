@@ -1,5 +1,8 @@
-// How well perception tracks people-like columns from a simulated depth camera or LiDAR, and how long a scan takes it:
+// How well perception tracks people-like columns from a simulated depth camera or LiDAR, and how long a scan takes it
+// and, of the same points, an OctoMap:
 //   perception_bench lidar|depth [--pose-noise-m M] [--pose-noise-deg D] ...
+#include <malloc.h>
+#include <octomap/OcTree.h>
 #include <time.h>
 
 #include <algorithm>
@@ -19,17 +22,19 @@ namespace {
 
 struct Options {
   std::string sensor = "lidar";
-  int obstacles = 15, worlds = 5;
+  int obstacles = 15, worlds = 5, octomap = 20;
   double duration_s = 20.0, noise_m = 0.0, noise_deg = 0.0, speed_mps = 1.0, circle_mps = 1.5, diameter_m = 0.45;
   double pose_m = 0.01, pose_rad = 0.005, acceleration_mps2 = 0.5;
   bool explores = true;
 };
 
 struct Sample {
-  std::vector<double> position_m, velocity_mps, latency_s, scan_ms;
+  std::vector<double> position_m, velocity_mps, latency_s, scan_ms, octomap_ms;
   int due = 0, missed = 0, scans = 0;
-  int false_moving = 0, false_unseen = 0;  // the second: of the first, those that this scan did not see
-  std::uint32_t digest = 0;                // of all reports and of all that was seen
+  int false_moving = 0, false_unseen = 0;             // the second: of the first, those that this scan did not see
+  std::int64_t marked = 0, of_columns = 0, both = 0;  // points: as moving, of columns, which all move
+  double perception_mb = 0.0;                         // what it has taken from the heap at the end of a flight
+  std::uint32_t digest = 0;                           // of all reports and of all that was seen
 };
 
 // Of this thread: others may be at work beside it.
@@ -67,6 +72,23 @@ World world_of(const Options& options, int number) {
   return world;
 }
 
+// How long it takes an OctoMap to take the points of a scan, as far as perception looks.
+double octomap_ms(const RangeScan& whole, double range_m, octomap::OcTree* tree) {
+  octomap::Pointcloud cloud;
+  const octomap::point3d origin(float(whole.origin.x()), float(whole.origin.y()), float(whole.origin.z()));
+  for (const Eigen::Vector3d& place : whole.surfaces)
+    cloud.push_back(float(place.x()), float(place.y()), float(place.z()));
+  const double begun = processor_ms();
+  tree->insertPointCloud(cloud, origin, range_m);
+  return processor_ms() - begun;
+}
+
+// Memory that this process has taken from the heap [MB].
+double heap_mb() {
+  const auto info = ::mallinfo2();
+  return 1e-6 * static_cast<double>(info.uordblks + info.hblkhd);
+}
+
 void fly(const Options& options, int number, Sample* sample) {
   const World world = world_of(options, number);
   RangeSensors sensor(world, 0);
@@ -76,8 +98,13 @@ void fly(const Options& options, int number, Sample* sample) {
   config.pose_m = options.pose_m;
   config.pose_rad = options.pose_rad;
   config.tracks.acceleration_mps2 = options.acceleration_mps2;
+  const double heap_before_mb = heap_mb();
   Perception perception(config);
   RangeScan scan;
+  double taken_mb = heap_mb() - heap_before_mb;
+  std::vector<RangeScan> whole;
+  ScanConfig all = config.scan;
+  all.lidar_range_m = all.depth_range_m = 100.0;
   const double radius_m = 3.0, period_s = to_seconds(sensor.period());
   std::vector<double> seen_since(world.obstacles.size(), -1.0), turned(world.obstacles.size(), -10.0);
   std::vector<Eigen::Vector3d> velocities(world.obstacles.size());
@@ -99,16 +126,31 @@ void fly(const Options& options, int number, Sample* sample) {
       image = sensor.images(caster, {}, t_s, pose, pose).at(0);
       image.header = header;
     }
-    const double begun = processor_ms();
-    if (options.sensor == "lidar") {
-      read_scan(parts, config.scan, config.resolution_m, &scan);
-    } else {
-      read_scan(image, config.scan, config.resolution_m, &scan);
-    }
+    const auto read = [&](const ScanConfig& how, RangeScan* out) {
+      if (options.sensor == "lidar") return read_scan(parts, how, config.resolution_m, out);
+      read_scan(image, how, config.resolution_m, out);
+    };
+    const double taken_before_mb = heap_mb(), begun = processor_ms();
+    read(config.scan, &scan);
     perception.update(scan, {}, header);
-    sample->scan_ms.push_back(processor_ms() - begun);
+    const double ended = processor_ms();
+    taken_mb += heap_mb() - taken_before_mb;
+    sample->scan_ms.push_back(ended - begun);
+    if (options.octomap > 0 && sample->scans % options.octomap == 0) {
+      read(all, &whole.emplace_back());
+    }
     ++sample->scans;
     digest(perception, sample);
+
+    const auto is_of_column = [&](const Eigen::Vector3d& place) {
+      return std::ranges::any_of(world.obstacles, [&](const WorldObstacle& obstacle) {
+        return distance(obstacle.shape, place - state_at(obstacle, world, t_s)->position) < 0.08;
+      });
+    };
+    const auto both = std::ranges::count_if(perception.moving_points(), is_of_column);
+    sample->marked += std::ssize(perception.moving_points());
+    sample->of_columns += std::ranges::count_if(scan.surfaces, is_of_column);
+    sample->both += both;
 
     const auto predicted = [utime](const Track& track) {
       return Eigen::Vector3d(track.obstacle.position +
@@ -161,6 +203,9 @@ void fly(const Options& options, int number, Sample* sample) {
       if (track.last_utime != utime) ++sample->false_unseen;
     }
   }
+  sample->perception_mb = std::max(sample->perception_mb, taken_mb);
+  octomap::OcTree tree(config.resolution_m);  // when all is over: it leaves nothing of what others have cached
+  for (const RangeScan& seen : whole) sample->octomap_ms.push_back(octomap_ms(seen, 5.0, &tree));
 }
 
 int run(int argc, char** argv) {
@@ -176,6 +221,7 @@ int run(int argc, char** argv) {
   set.add("pose-m", &options.pose_m, 0, 1, "m", "what perception takes the one to be");
   set.add("pose-rad", &options.pose_rad, 0, 1, "rad", "and the other");
   set.add("acceleration", &options.acceleration_mps2, 0, 10, "m/s^2", "of tracks");
+  set.add("octomap", &options.octomap, 0, 1000, "", "every so many scans an OctoMap gets the same points; 0: none");
   set.add("explores", &options.explores, "perception_daemon's: what was not seen to move stands");
   set.add("speed", &options.speed_mps, 0, 10, "m/s", "of the columns");
   set.add("circle", &options.circle_mps, 0, 10, "m/s", "of the robot");
@@ -197,7 +243,10 @@ int run(int argc, char** argv) {
             << three(100.0 * sample.missed / std::max(sample.due, 1)) << " %; false moving tracks a scan "
             << three(double(sample.false_moving) / sample.scans) << " (out of sight "
             << three(double(sample.false_unseen) / sample.scans) << "); scan "
-            << two(&TimingStats::p99_ms, sample.scan_ms, "p99") << " ms\ndigest " << std::hex << sample.digest << '\n';
+            << two(&TimingStats::p99_ms, sample.scan_ms, "p99") << " ms\nmoving points, intersection over union "
+            << three(double(sample.both) / std::max<double>(1, sample.marked + sample.of_columns - sample.both))
+            << "; OctoMap " << two(&TimingStats::p99_ms, sample.octomap_ms, "p99") << " ms; perception "
+            << fixed(sample.perception_mb, 1) << " MB\ndigest " << std::hex << sample.digest << '\n';
   return 0;
 }
 
