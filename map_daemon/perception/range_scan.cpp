@@ -110,7 +110,7 @@ class DepthReader {
           Eigen::Map<const Eigen::Array<std::int16_t, kEdge, 1>>(&depths_[padded(i, 0)]).cast<double>();
       Row& distance_m = distance_m_[index(i)];
       distance_m = 1e-3 * depth_mm * length;
-      depth_m_[index(i)] = distance_m.min(config_.depth_range_m) / length;
+      depth_m_[index(i)] = distance_m.min(config_.depth_range_m + RangeScan::kBeyond_m) / length;
     }
   }
 
@@ -188,7 +188,9 @@ class DepthReader {
   // Of the block at hand: with a row and a column more on each side; and row by row.
   std::array<std::int16_t, kPadded * kPadded> depths_{}, is_on_edge_{};
   std::array<std::array<Row, 3>, kEdge> ahead_;  // x, y and z of the directions, W
-  std::array<Row, kEdge> distance_m_, depth_m_;  // of what was measured, and how deep it is free
+  // Of what was measured, and how deep it is free: also beside all surfaces that are told, or columns that come into
+  // range would not be seen to end.
+  std::array<Row, kEdge> distance_m_, depth_m_;
   std::array<std::array<double, kEdge * kEdge>, kLevels> free_m_{};
 };
 

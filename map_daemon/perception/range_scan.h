@@ -23,7 +23,8 @@ struct RangeScan {
     Eigen::Vector3d from, to;  // W [m]
   };
 
-  // Surfaces are told so much beyond the range, so that of what begins within it the whole side is seen.
+  // Surfaces are told so much beyond the range, so that of what begins within it the whole side is seen; by a camera
+  // also what is free, so that it is seen to end there.
   static constexpr double kBeyond_m = 0.4;
 
   Utime utime{};
