@@ -44,6 +44,28 @@ Obstacle to_obstacle(const sogm_swarm::obstacle_voxels_t& message) {
   return obstacle;
 }
 
+// Into `out`: what lies within `radius_m` of a set voxel of the only frame beside it. What looks ahead sees where it
+// flies to, but not what is under it: a robot that sank into what lies below what it sees would come down to the floor.
+void spread_sideways(const Sogm& in, double radius_m, Sogm* out) {
+  const GridGeometry& window = in.geometry;
+  out->reset(window, 1, in.start_utime, in.frame_duration);
+  const int words = window.words_per_column();
+  const double radius = radius_m / window.resolution_m;
+  const int reach = static_cast<int>(std::min<double>(radius, window.size.head<2>().maxCoeff()));
+  for (int dx = -reach; dx <= reach; ++dx) {
+    for (int dy = -reach; dy <= reach; ++dy) {
+      if (dx * dx + dy * dy > radius * radius + 1e-9) continue;
+      const int first_y = std::max(0, -dy), last_y = std::min(window.size.y(), window.size.y() - dy) - 1;
+      if (first_y > last_y) continue;
+      for (int x = std::max(0, -dx); x < std::min(window.size.x(), window.size.x() - dx); ++x) {
+        const std::uint64_t* from = in.column(0, x + dx, first_y + dy);
+        std::uint64_t* to = out->column(0, x, first_y);
+        for (int i = 0; i < (last_y - first_y + 1) * words; ++i) to[i] |= from[i];
+      }
+    }
+  }
+}
+
 template <class... Parts>
 void require(bool rule, const Parts&... parts) {
   if (rule) return;
@@ -100,7 +122,8 @@ void declare(OptionSet& options, MapConfig& config) {
                   throw OptionError("must be free, near or occupied");
               });
   options.add("unknown-near", &config.unknown_near_m, 0.1, 100, "m", "what is so near to the robot is near");
-  options.add("unknown-beside", &config.unknown_beside_m, 0, 1, "m", "so near to what was seen free it is free, too");
+  options.add("unknown-beside", &config.unknown_beside_m, 0, 1, "m",
+              "so near beside what was seen free it is free, too");
   options.add("state-timeout", &config.state_timeout_s, 0.01, 60, "s", "no maps with an older robot state");
   options.add("clock-limit", &config.clock_limit_s, 0.001, 10, "s", "messages from further in the future are refused");
 }
@@ -308,7 +331,7 @@ void MapNode::build(Utime now) {
 // What was not seen, and is not just beside what was, may be anything. What lies outside of what can be seen was not.
 void MapNode::add_unknown(const Eigen::Vector3d& center) {
   complement(seen_, 1, &seen_free_);
-  dilate(seen_free_, config_.unknown_beside_m, &beside_);
+  spread_sideways(seen_free_, config_.unknown_beside_m, &beside_);
   known_.reset(sogm_.geometry, 1, sogm_.start_utime, sogm_.frame_duration);
   add_first_frame(beside_, &known_);
   const bool only_near = config_.unknown == "near";

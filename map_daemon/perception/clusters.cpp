@@ -37,13 +37,15 @@ void ClusterFinder::collect_runs(const FreeSpaceGrid& grid, bool steps) {
     const Eigen::Vector2i place = grid.place_of(column);
     cell(place.x(), place.y()) = static_cast<int>(runs_.size());
     std::uint64_t rest = grid.surfaces(column);
-    // What stands seems to step to and fro by a voxel, where poses err.
-    std::uint64_t beside = 0;
-    for (int x = std::max(place.x() - 1, 0); steps && x <= std::min(place.x() + 1, kEdge - 1); ++x)
-      for (int y = std::max(place.y() - 1, 0); y <= std::min(place.y() + 1, kEdge - 1); ++y)
+    // What stands seems to step to and fro by a voxel, where poses err, and rays pass through parts of its voxels.
+    std::uint64_t was_free = grid.ever_free(column), beside = 0;
+    for (int x = std::max(place.x() - 1, 0); steps && x <= std::min(place.x() + 1, kEdge - 1); ++x) {
+      for (int y = std::max(place.y() - 1, 0); y <= std::min(place.y() + 1, kEdge - 1); ++y) {
         beside |= grid.lasting(grid.column_of(x, y));
-    beside |= beside << 1 | beside >> 1;
-    const std::uint64_t was_free = grid.ever_free(column) & ~beside;
+        was_free &= grid.ever_free(grid.column_of(x, y));
+      }
+    }
+    was_free &= ~(beside | beside << 1 | beside >> 1);
     while (rest != 0) {
       const int low = std::countr_zero(rest);
       int high = low;

@@ -15,6 +15,7 @@ constexpr Duration kLasting = 2s;  // what is occupied throughout two such stret
 // Fixed point, 16 bits after the point.
 constexpr double kOne = 65536.0;
 constexpr int kShift = 16;
+constexpr std::uint32_t kRim = 13107;  // a fifth: a ray that comes no further into a voxel misses what stands there
 
 // Of the part of a ray that is within [0, size] along each axis: begins and ends at so much of its length; none if it
 // begins after its end.
@@ -47,6 +48,7 @@ FreeSpaceGrid::FreeSpaceGrid(double resolution_m, Duration memory)
       occupied_(kColumns),
       seen_(kColumns),
       free_(kColumns),
+      passed_(kColumns),
       surfaces_(kColumns),
       moving_(kColumns) {
   surface_columns_.reserve(kColumns);
@@ -97,6 +99,7 @@ void FreeSpaceGrid::move_to(const Eigen::Vector3d& place) {
     for (std::uint64_t& word : column.certainty) clear(word, 0);
     for (std::size_t bit = 0; bit < 4; ++bit) clear(column.free_scans[bit], blank.free_scans[bit]);
     for (std::uint64_t& word : column.seen_lately) clear(word, 0);
+    clear(column.confirmed, 0);
     clear(column.ever_free, 0);
     clear(column.lasting, 0);
     clear(column.lasting_before, 0);
@@ -132,14 +135,17 @@ void FreeSpaceGrid::see_free(std::span<const RangeScan::Ray> rays) {
   // Where several rays begin is found at once: each takes long, but none waits for another.
   constexpr std::size_t kAtOnce = 64;
   std::array<Walk, kAtOnce> walks;
-  std::uint64_t* const free = free_.data();
+  std::uint64_t *const free = free_.data(), *const passed = passed_.data();
   for (; !rays.empty(); rays = rays.subspan(std::min(kAtOnce, rays.size()))) {
     const std::size_t number = std::min(kAtOnce, rays.size());
     for (std::size_t i = 0; i < number; ++i) walks[i] = walk_along(rays[i]);
     for (auto [x, y, z, dx, dy, dz, steps] : std::span(walks).first(number)) {
       for (; steps > 0; --steps) {
         const std::uint32_t column = (x >> kShift & (kEdge - 1)) * kEdge + (y >> kShift & (kEdge - 1));
-        free[column] |= std::uint64_t{1} << (z >> kShift & (kHeight - 1));
+        const std::uint32_t height = z >> kShift & (kHeight - 1);
+        const std::uint32_t borders = ((x - kRim) ^ (x + kRim)) | ((y - kRim) ^ (y + kRim)) | ((z - kRim) ^ (z + kRim));
+        free[column] |= std::uint64_t{1} << height;
+        passed[column] |= std::uint64_t{borders >> kShift == 0} << height;
         x += dx, y += dy, z += dz;
       }
     }
@@ -165,8 +171,27 @@ void FreeSpaceGrid::for_each_column_of_ball(const Eigen::Vector3d& place, double
   }
 }
 
-void FreeSpaceGrid::see_free_around(const Eigen::Vector3d& place, double radius_m) {
-  for_each_column_of_ball(place, radius_m, [this](std::size_t column, std::uint64_t run) { free_[column] |= run; });
+std::uint64_t FreeSpaceGrid::layer(const Eigen::Vector3d& place, double half_height_m) const {
+  const double middle = place.z() / geometry_.resolution_m - geometry_.origin.z() - 0.5;
+  const double half = half_height_m / geometry_.resolution_m;
+  std::uint64_t run = 0;
+  set_run(middle - half, middle + half, kHeight, &run);
+  return std::rotl(run, geometry_.origin.z() & (kHeight - 1));
+}
+
+void FreeSpaceGrid::see_free_around(const Eigen::Vector3d& place, double radius_m, double half_height_m) {
+  const std::uint64_t within = layer(place, half_height_m);
+  for_each_column_of_ball(place, radius_m, [&](std::size_t column, std::uint64_t run) {
+    free_[column] |= run & within;
+    passed_[column] |= run & within;
+  });
+}
+
+void FreeSpaceGrid::see_free_along(const Eigen::Vector3d& place, double radius_m, double half_height_m) {
+  const std::uint64_t passed = layer(place, 0.5 * geometry_.resolution_m), within = layer(place, half_height_m);
+  for_each_column_of_ball(place, radius_m, [&](std::size_t column, std::uint64_t) {
+    if ((free_[column] & passed) != 0) free_[column] |= within;
+  });
 }
 
 void FreeSpaceGrid::keep_around(const Eigen::Vector3d& place, double radius_m) {
@@ -189,11 +214,13 @@ void FreeSpaceGrid::mark_moving_in(const Eigen::Vector3i& voxel) {
       std::uint64_t{1} << ((voxel.z() + geometry_.origin.z()) & (kHeight - 1));
 }
 
-void FreeSpaceGrid::learn(std::uint64_t free, std::uint64_t surfaces, std::uint64_t moving, Column* column) {
-  // Occupied: 3 once, 7 once more, one less each time that it is seen free.
+void FreeSpaceGrid::learn(std::uint64_t free, std::uint64_t passed, std::uint64_t surfaces, std::uint64_t moving,
+                          Column* column) {
+  // Occupied: 3 once, 7 once more, one less each time that rays pass it, also beside surfaces, or what errs once would
+  // make walls thicker for good.
   const std::uint64_t standing = surfaces & ~moving, some = column->occupied();
   auto& certainty = column->certainty;
-  std::uint64_t borrow = free & some;
+  std::uint64_t borrow = passed & ~surfaces & some;
   for (std::uint64_t& bit : certainty) {
     bit ^= borrow;
     borrow &= bit;
@@ -201,6 +228,7 @@ void FreeSpaceGrid::learn(std::uint64_t free, std::uint64_t surfaces, std::uint6
   certainty[0] |= standing;
   certainty[1] |= standing;
   certainty[2] |= standing & some;
+  column->confirmed = (column->confirmed | (standing & some)) & column->occupied();
   // Free: a count that stops at its highest, and starts again below it.
   auto& count = column->free_scans;
   std::uint64_t carry = free & ~(count[0] & count[1] & count[2] & count[3]);
@@ -228,11 +256,11 @@ void FreeSpaceGrid::finish(Utime utime) {
         free_[static_cast<std::size_t>(((x + i) & (kEdge - 1)) * kEdge + ((y + j) & (kEdge - 1)))] &= ~beside;
   }
   for (std::size_t i = 0; i < kColumns; ++i) {
-    if ((free_[i] | surfaces_[i]) == 0) continue;
-    learn(free_[i], surfaces_[i], moving_[i], &columns_[i]);
-    occupied_[i] = columns_[i].occupied();
+    if ((free_[i] | passed_[i] | surfaces_[i]) == 0) continue;
+    learn(free_[i], passed_[i], surfaces_[i], moving_[i], &columns_[i]);
+    occupied_[i] = columns_[i].confirmed;
     seen_[i] = columns_[i].seen();
-    free_[i] = surfaces_[i] = moving_[i] = 0;
+    free_[i] = passed_[i] = surfaces_[i] = moving_[i] = 0;
   }
   surface_columns_.clear();
 }
@@ -242,6 +270,7 @@ void FreeSpaceGrid::recall(int column, std::uint64_t standing) {
   const std::uint64_t word =
       std::rotl(standing, geometry_.origin.z() & (kHeight - 1)) & ~(known.seen() | known.occupied());
   known.certainty[0] |= word;
+  known.confirmed |= word;
   occupied_[static_cast<std::size_t>(column)] |= word;
   known.lasting |= word;
   known.lasting_before |= word;

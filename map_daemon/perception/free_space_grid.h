@@ -32,7 +32,10 @@ class FreeSpaceGrid {
     const RangeScan::Ray ray{from, to};
     see_free({&ray, 1});
   }
-  void see_free_around(const Eigen::Vector3d& place, double radius_m);
+  // What is so near, but no more than `half_height_m` above or below.
+  void see_free_around(const Eigen::Vector3d& place, double radius_m, double half_height_m);
+  // So far around, where the rays of this scan pass at the height of `place`, it is free so far above and below.
+  void see_free_along(const Eigen::Vector3d& place, double radius_m, double half_height_m);
   // What is so near and known stays known.
   void keep_around(const Eigen::Vector3d& place, double radius_m);
   void see_surface(const Eigen::Vector3d& place) { see_surface_in(geometry_.voxel_of(place)); }
@@ -61,6 +64,7 @@ class FreeSpaceGrid {
   // surfaces() and free() are of this scan, the others of what was known before it.
   std::uint64_t surfaces(int column) const { return turned(surfaces_[static_cast<std::size_t>(column)]); }
   std::uint64_t free(int column) const { return turned(free_[static_cast<std::size_t>(column)]); }
+  // Not met by a single ray alone, which may err.
   std::uint64_t occupied(int column) const { return turned(occupied_[static_cast<std::size_t>(column)]); }
   // Was free in ten scans one after the other, and not occupied for four seconds since.
   std::uint64_t ever_free(int column) const { return turned(column_at(column).ever_free); }
@@ -78,6 +82,7 @@ class FreeSpaceGrid {
   struct Column {
     std::array<std::uint64_t, 3> certainty;   // of being occupied, 0 to 7
     std::array<std::uint64_t, 4> free_scans;  // without a break, counted up to 15
+    std::uint64_t confirmed;                  // occupied, and met again since
     std::uint64_t ever_free, lasting, lasting_before;
     std::array<std::uint64_t, 3> seen_lately;  // in this stretch of time and the two before
 
@@ -90,13 +95,17 @@ class FreeSpaceGrid {
     int steps;
   };
   static Column unknown();
-  static void learn(std::uint64_t free, std::uint64_t surfaces, std::uint64_t moving, Column* column);
+  // `passed`: by rays, and not only at its rim.
+  static void learn(std::uint64_t free, std::uint64_t passed, std::uint64_t surfaces, std::uint64_t moving,
+                    Column* column);
 
   Walk walk_along(const RangeScan::Ray& ray) const;
   void forget_column(std::size_t column);
   const Column& column_at(int column) const { return columns_[static_cast<std::size_t>(column)]; }
   // In the order of the window.
   std::uint64_t turned(std::uint64_t word) const;
+  // The voxels of a column, in its own order, that are no further above or below.
+  std::uint64_t layer(const Eigen::Vector3d& place, double half_height_m) const;
   void forget_old(Utime utime);
   template <class Visit>
   void for_each_column_of_ball(const Eigen::Vector3d& place, double radius_m, const Visit& visit) const;
@@ -105,8 +114,8 @@ class FreeSpaceGrid {
   GridGeometry geometry_;
   bool is_placed_ = false;
   std::vector<Column> columns_;
-  std::vector<std::uint64_t> occupied_, seen_;           // by `columns_`: whoever reads them all reads so much less
-  std::vector<std::uint64_t> free_, surfaces_, moving_;  // of this scan
+  std::vector<std::uint64_t> occupied_, seen_;  // by `columns_`: whoever reads them all reads so much less
+  std::vector<std::uint64_t> free_, passed_, surfaces_, moving_;  // of this scan
   std::vector<int> surface_columns_;
   Utime seen_since_{}, lasting_since_{};
 };

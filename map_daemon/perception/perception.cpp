@@ -23,6 +23,8 @@ constexpr double kSmall_m = 0.5;                      // and what is no larger m
 constexpr double kNarrow_m = 0.6, kLarge_m = 5.0;     // what is wider is no pole; and no bar, but of a building
 constexpr int kThin = 3;                              // voxels of a bar, one above the other
 constexpr double kLeft_m = 0.15;                      // so far from where it was seen first it moves for certain
+constexpr double kRoom_m = 0.3;                       // so far above and below its place a robot that begins has room
+constexpr double kFirstLook = 3.0;                    // and so many times as far, where its rays pass
 constexpr double kNearby_m = 1.0;                     // nothing comes so near unseen
 constexpr double kWellKnown = 40.0;                   // points that measured a radius
 constexpr double kBeside_m = 0.15;                    // what is so far from a circle is something else
@@ -87,10 +89,11 @@ void Perception::forget() {
 
 void Perception::look(const RangeScan& scan, std::span<const PeerMask::Ball> robots) {
   grid_.move_to(scan.origin);
-  grid_.see_free_around(scan.origin, has_begun_ ? config_.body_m : config_.begin_m);
+  grid_.see_free_around(scan.origin, has_begun_ ? config_.body_m : config_.begin_m, kRoom_m);
   grid_.keep_around(scan.origin, kNearby_m);
-  has_begun_ = true;
   grid_.see_free(scan.free);
+  if (!has_begun_) grid_.see_free_along(scan.origin, kFirstLook * config_.begin_m, kRoom_m);
+  has_begun_ = true;
   surfaces_.clear();
   voxels_.clear();
   points_ = static_cast<int>(scan.surfaces.size());
@@ -295,31 +298,27 @@ bool Perception::may_move(const RoundFit& fit, const RangeScan& scan, Piece* pie
   piece->is_cut = sides.free < 2;
   if (!config_.explores || has_moved(piece->points)) return true;
   const double curved = curvature(seen_from_above(piece->points), fit);
-  piece->is_alone = sides.free == 2 && curved > kSurelyCurved;
   if (sides.free == 2) return curved > kCurved;
   const Eigen::Vector3d size = piece->cluster->high - piece->cluster->low;
   return sides.free == 1 && (sides.out_of_view > 0 || curved > kSurelyCurved || size.head<2>().norm() < kSmall_m);
 }
 
-// What stands is seen in other parts from every place, and these seem to move; but where they were seen first there is
-// still something.
+// What stands is seen in other parts from every place, and these seem to move. What has gone is seen through where it
+// was, all across its middle.
 bool Perception::has_left(const Piece& piece, const Form& form) const {
   const auto track = std::ranges::find(tracker_.tracks(), piece.id, &Track::id);
   if (track == tracker_.tracks().end() || !moves(*track) || (piece.center - form.first).norm() < kLeft_m) return false;
-  const Eigen::Vector3i voxel = grid_.geometry().voxel_of(form.first_surface);
-  if (!grid_.geometry().contains(voxel)) return true;
-  const int column = grid_.column_of(voxel.x(), voxel.y());
-  const std::uint64_t around = std::uint64_t{7} << voxel.z() >> 1;
-  return (grid_.surfaces(column) & around) == 0 && (piece.is_alone || (grid_.free(column) & around) != 0);
-}
-
-// For two seconds at least.
-bool Perception::has_stood(const Piece& piece) const {
-  const auto stood = std::ranges::count_if(piece.points, [this](int point) {
-    const Eigen::Vector3i& voxel = voxels_[static_cast<std::size_t>(point)];
-    return (grid_.lasting(grid_.column_of(voxel.x(), voxel.y())) >> voxel.z() & 1) != 0;
-  });
-  return 2 * stood >= std::ssize(piece.points);
+  const GridGeometry& window = grid_.geometry();
+  const Eigen::Vector3i voxel = window.voxel_of({form.first.x(), form.first.y(), form.first_height_m});
+  if (!window.contains(voxel.array() - 1) || !window.contains(voxel.array() + 1)) return false;
+  const std::uint64_t around = std::uint64_t{7} << (voxel.z() - 1);
+  for (int x = voxel.x() - 1; x <= voxel.x() + 1; ++x) {
+    for (int y = voxel.y() - 1; y <= voxel.y() + 1; ++y) {
+      const int column = grid_.column_of(x, y);
+      if ((grid_.surfaces(column) & around) != 0 || (grid_.free(column) & around) == 0) return false;
+    }
+  }
+  return true;
 }
 
 // A circle around all of it.
@@ -424,13 +423,12 @@ void Perception::report_piece(const Piece& piece, const RangeScan& scan) {
   obstacle.velocity_sigma = -1.0f;
   if (piece.id == kNew) {
     form.first = piece.center;
-    form.first_surface = surfaces_[static_cast<std::size_t>(piece.points[piece.points.size() / 2])];
+    form.first_height_m = surfaces_[static_cast<std::size_t>(piece.points[piece.points.size() / 2])].z();
   }
   seen_.obstacles.push_back(obstacle);
   const bool has_gone = has_left(piece, form), was_told = std::exchange(form.is_told, false);
   form.moved = form.moved || has_gone || has_moved(piece.points);
-  // What could go at any moment is told of until it is seen to stay.
-  form.is_told = !config_.explores || form.moved || (piece.is_alone && !has_stood(piece));
+  form.is_told = !config_.explores || form.moved;
   if (has_gone && !was_told) {  // how fast is known already
     const Track& track = *std::ranges::find(tracker_.tracks(), piece.id, &Track::id);
     Eigen::Map<Eigen::Vector3d>(obstacle.velocity) = track.obstacle.velocity;

@@ -74,9 +74,9 @@ class Perception {
   struct Form {
     bool is_round = false;
     Eigen::Vector2d first = Eigen::Vector2d::Zero();  // where it was seen first, W [m]
-    Eigen::Vector3d first_surface = Eigen::Vector3d::Zero();
-    bool moved = false;    // at some time since
-    bool is_told = false;  // in the newest report
+    double first_height_m = 0.0;                      // of its surfaces
+    bool moved = false;                               // at some time since
+    bool is_told = false;                             // in the newest report
     RadiusPrior radius;
     double top_m = 0.0, bottom_m = 0.0;
     bool has_top = false, has_bottom = false;  // seen to end there
@@ -97,8 +97,7 @@ class Perception {
     double sigma_m = 0.0;                              // of it
     RadiusPrior radius{};
     bool is_round = false;
-    bool is_cut = false;    // nothing was seen beside one of its sides
-    bool is_alone = false;  // it is seen to be free on both, and is round for certain
+    bool is_cut = false;  // nothing was seen beside one of its sides
   };
 
   void look(const RangeScan& scan, std::span<const PeerMask::Ball> robots);
@@ -122,7 +121,6 @@ class Perception {
   bool has_moved(std::span<const int> points) const;
   bool is_alone(const Cluster& cluster, const RangeScan& scan) const;
   bool has_left(const Piece& piece, const Form& form) const;
-  bool has_stood(const Piece& piece) const;
   bool may_move(const RoundFit& fit, const RangeScan& scan, Piece* piece);
   void surround(Piece* piece);
   void report_piece(const Piece& piece, const RangeScan& scan);

@@ -64,15 +64,15 @@ depth_image_t image_of(double depth_m, Utime utime, std::int64_t seq) {
 
 TEST(PerceptionNode, EachScanBecomesAReportAndWhatWasSeen) {
   Perceiving node;
-  for (int i = 0; i < 12; ++i) {
-    node.send(channel::kLidarScan, node.scan({0, 0, 1}, 0.1 * i));
+  for (int i = 0; i < 20; ++i) {
+    node.send(channel::kLidarScan, node.scan({0.03, 0.04, 1.05}, 0.1 * i));
     node.run_for(0.1);
   }
-  EXPECT_EQ(node.reports(), 12);
+  EXPECT_EQ(node.reports(), 20);
   const auto report = node.out.newest<obstacles_t>(channel::kObstacles);
   ASSERT_EQ(report.num_obstacles, 1);
   EXPECT_NEAR(report.obstacles[0].position[0], 2.0, 0.04);
-  EXPECT_NEAR(report.obstacles[0].position[1], 1.1, 0.04);
+  EXPECT_NEAR(report.obstacles[0].position[1], 1.9, 0.04);
   EXPECT_EQ(report.obstacles[0].velocity_sigma, -1.0f);
   EXPECT_EQ(report.complete, 0);
   Sogm seen;
@@ -80,12 +80,12 @@ TEST(PerceptionNode, EachScanBecomesAReportAndWhatWasSeen) {
   int maps = 0;
   for (const auto& part : node.out.all<sogm_swarm::sogm_t>(channel::kSeenSpace))
     maps += assembler.add(part, &seen).status == AssemblyStatus::kComplete;
-  EXPECT_EQ(maps, 12);
+  EXPECT_EQ(maps, 20);
   ASSERT_EQ(seen.num_frames, 2);
   EXPECT_FALSE(seen.occupied(0, seen.geometry.voxel_of({1.7, 0, 1.0}))) << "it moves";
   EXPECT_FALSE(seen.occupied(1, seen.geometry.voxel_of({1.2, 0, 1.0})));
   const perception_status_t status = node.status();
-  EXPECT_EQ(status.scans, 12);
+  EXPECT_EQ(status.scans, 20);
   EXPECT_EQ(status.moving, 1);
   EXPECT_GT(status.points, 20);
 }
@@ -152,7 +152,9 @@ TEST(PerceptionNode, TheMapIsWrittenWhenItIsAskedForAndAtTheEndAndReadAtTheStart
 TEST(PerceptionNode, DepthImagesAreSeenAsWell) {
   Perceiving node;
   node.send(channel::kDepthImage, image_of(2.0, node.now, 1));
-  EXPECT_EQ(node.reports(), 1);
+  node.now += 50ms;
+  node.send(channel::kDepthImage, image_of(2.0, node.now, 2));
+  EXPECT_EQ(node.reports(), 2);
   const Sogm& seen = node.node.perception().seen_space();
   EXPECT_TRUE(seen.occupied(0, seen.geometry.voxel_of({2.0, 0, 1.0}))) << "x is ahead";
   EXPECT_FALSE(seen.occupied(1, seen.geometry.voxel_of({1.0, 0, 1.0})));

@@ -102,7 +102,9 @@ TEST(Perception, FindsColumnsWhereTheyAreAndHowThick) {
 TEST(Perception, KnowsWithinHalfASecondHowFastAColumnMoves) {
   for (const Eigen::Vector2d& velocity : {Eigen::Vector2d(0, 1), Eigen::Vector2d(-0.7, 0.2), Eigen::Vector2d(0.6, 0)}) {
     SCOPED_TRACE(velocity.transpose());
-    Looking looking;
+    PerceptionConfig knowing;
+    knowing.explores = false;
+    Looking looking(knowing);
     looking.follow({{2.5, -1}, 0.25}, velocity, 6);
     const Eigen::Vector2d place = Eigen::Vector2d(2.5, -1) + 0.5 * velocity;
     const Track* track = looking.track_at(place);
@@ -128,7 +130,7 @@ TEST(Perception, TheFirstReportTellsHowFast) {
         EXPECT_EQ(obstacle.velocity_sigma, -1.0f) << i;
         continue;
       }
-      EXPECT_LE(i, 9);
+      EXPECT_LE(i, 10);
       EXPECT_GE(obstacle.velocity_sigma, 0.0f);
       EXPECT_NEAR(obstacle.velocity[1], 1.0, 0.4);
     }
@@ -136,14 +138,14 @@ TEST(Perception, TheFirstReportTellsHowFast) {
   EXPECT_GE(reports, 6);
 }
 
-TEST(Perception, WhoStandsIsToldOfAtFirstAndWhenItWalks) {
+// In a building: a pillar, or somebody who waits.
+TEST(Perception, WhoStandsIsToldOfWhenItWalks) {
   Looking looking;
   const Column person{{2.5, 0.0}, 0.25};
   for (int i = 0; i < 50; ++i) {
     looking.look({person});
-    EXPECT_TRUE(i > 18 || looking.perception.report().obstacles.size() == 1u) << i;
-    EXPECT_TRUE(i < 43 || looking.perception.report().obstacles.empty()) << i;
-    EXPECT_TRUE(looking.stands({2.25, 0.0, 1.0}));
+    EXPECT_TRUE(looking.perception.report().obstacles.empty()) << i;
+    EXPECT_TRUE(i == 0 || looking.stands({2.25, 0.0, 1.0})) << i;
   }
   looking.follow(person, {0.0, 0.8}, 7);
   ASSERT_EQ(looking.perception.report().obstacles.size(), 1u);
@@ -304,7 +306,7 @@ TEST(Perception, TheRobotsOwnPlaceIsFree) {
   looking.look({}, {}, next);
   EXPECT_FALSE(looking.was_not_seen(next + Eigen::Vector3d(0, 0, 0.2)));
   EXPECT_TRUE(looking.was_not_seen(next + Eigen::Vector3d(0, 0, 0.7)));
-  const Eigen::Vector3d begun = kSensor + Eigen::Vector3d(0, 0, 0.45);
+  const Eigen::Vector3d begun = kSensor + Eigen::Vector3d(0, 0, 0.3);
   EXPECT_FALSE(looking.was_not_seen(begun));
   for (int i = 0; i < 200; ++i) looking.look({}, {}, next);
   EXPECT_TRUE(looking.was_not_seen(begun)) << "too long ago, and far away";
