@@ -41,8 +41,9 @@ Inside clipped(const Eigen::Vector3d& from, const Eigen::Vector3d& way, const Ei
 
 }  // namespace
 
-FreeSpaceGrid::FreeSpaceGrid(double resolution_m, Duration memory)
+FreeSpaceGrid::FreeSpaceGrid(double resolution_m, Duration memory, bool doubts)
     : memory_(memory),
+      doubts_(doubts),
       geometry_{.resolution_m = resolution_m, .size = {kEdge, kEdge, kHeight}},
       columns_(kColumns, unknown()),
       occupied_(kColumns),
@@ -258,7 +259,7 @@ void FreeSpaceGrid::finish(Utime utime) {
   for (std::size_t i = 0; i < kColumns; ++i) {
     if ((free_[i] | passed_[i] | surfaces_[i]) == 0) continue;
     learn(free_[i], passed_[i], surfaces_[i], moving_[i], &columns_[i]);
-    occupied_[i] = columns_[i].confirmed;
+    occupied_[i] = doubts_ ? columns_[i].confirmed : columns_[i].occupied();
     seen_[i] = columns_[i].seen();
     free_[i] = passed_[i] = surfaces_[i] = moving_[i] = 0;
   }

@@ -20,8 +20,9 @@ class FreeSpaceGrid {
   static constexpr int kEdge = 128;   // voxels of the window along x and y
   static constexpr int kHeight = 64;  // and along z: one word a column
 
-  // `memory`: what was not seen for so long is unknown again (up to half as much longer).
-  FreeSpaceGrid(double resolution_m, Duration memory);
+  // `memory`: what was not seen for so long is unknown again (up to half as much longer). `doubts`: what a single ray
+  // met is not occupied, for it may err.
+  FreeSpaceGrid(double resolution_m, Duration memory, bool doubts = true);
 
   // Moves the window so that `place` (W [m]) is in its middle; of what comes into it nothing is known.
   void move_to(const Eigen::Vector3d& place);
@@ -64,7 +65,6 @@ class FreeSpaceGrid {
   // surfaces() and free() are of this scan, the others of what was known before it.
   std::uint64_t surfaces(int column) const { return turned(surfaces_[static_cast<std::size_t>(column)]); }
   std::uint64_t free(int column) const { return turned(free_[static_cast<std::size_t>(column)]); }
-  // Not met by a single ray alone, which may err.
   std::uint64_t occupied(int column) const { return turned(occupied_[static_cast<std::size_t>(column)]); }
   // Was free in ten scans one after the other, and not occupied for four seconds since.
   std::uint64_t ever_free(int column) const { return turned(column_at(column).ever_free); }
@@ -111,6 +111,7 @@ class FreeSpaceGrid {
   void for_each_column_of_ball(const Eigen::Vector3d& place, double radius_m, const Visit& visit) const;
 
   Duration memory_;
+  bool doubts_;
   GridGeometry geometry_;
   bool is_placed_ = false;
   std::vector<Column> columns_;

@@ -51,7 +51,7 @@ bool moves(const Track& track) {
 Perception::Perception(const PerceptionConfig& config)
     : config_(config),
       static_map_(config.static_map.empty() ? StaticMap() : StaticMap(config.static_map, config.resolution_m, kWall_m)),
-      grid_(config.resolution_m, to_duration(config.memory_s)),
+      grid_(config.resolution_m, to_duration(config.memory_s), config.explores),
       tracker_(config.tracks) {
   expected_.reserve(kUsual);
   pieces_.reserve(kUsual);
@@ -81,7 +81,7 @@ void Perception::update(const RangeScan& scan, std::span<const PeerMask::Ball> r
 }
 
 void Perception::forget() {
-  grid_ = FreeSpaceGrid(config_.resolution_m, to_duration(config_.memory_s));
+  grid_ = FreeSpaceGrid(config_.resolution_m, to_duration(config_.memory_s), config_.explores);
   tracker_ = Tracker(config_.tracks);
   forms_.clear();
   has_begun_ = false;

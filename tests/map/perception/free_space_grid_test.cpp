@@ -412,6 +412,16 @@ TEST(FreeSpaceGrid, WhatIsMetOnceIsNotOccupied) {
   }
 }
 
+TEST(FreeSpaceGrid, WhoDoesNotDoubtTakesEachRayForASurface) {
+  for (const bool doubts : {false, true}) {
+    FreeSpaceGrid grid(kBinary_m, kGridMemory, doubts);
+    grid.move_to({0, 0, 0});
+    grid.see_surface(middle_of({5, 0, 0}));
+    grid.finish(kStart);
+    EXPECT_EQ(knows(grid, &FreeSpaceGrid::occupied, {5, 0, 0}), !doubts);
+  }
+}
+
 // Rays that pass it beside a surface make it no wall that never goes, although it is not free for certain.
 TEST(FreeSpaceGrid, WallsDoNotGrowBySingleErrors) {
   FreeSpaceGrid grid(kBinary_m, kGridMemory);
