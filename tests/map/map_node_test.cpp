@@ -242,6 +242,17 @@ TEST(MapNode, UnknownSpaceIsOccupiedWhereItIsNear) {
   }
 }
 
+TEST(MapNode, JustBesideWhatWasSeenItIsFree) {
+  Fixture f(seeing("near"));
+  SeenSpace seen(f.now);
+  seen.set(1, {0.75, -6.4, 0.0}, {6.3, 6.3, 4.1});  // nothing was seen ahead
+  f.send_state({0, 0, 1});
+  seen.send(&f);
+  EXPECT_FALSE(f.occupied(0.0, {0.65, 0.05, 1.05})) << "seen";
+  EXPECT_FALSE(f.occupied(0.0, {0.85, 0.05, 1.05})) << "beside";
+  EXPECT_TRUE(f.occupied(0.0, {1.15, 0.05, 1.05}));
+}
+
 TEST(MapNode, SpaceOfOtherVoxelsOrFramesIsRefused) {
   Fixture f(seeing("near"));
   f.send_state();
