@@ -21,6 +21,24 @@ constexpr Duration kStatusPeriod = 1s;
 constexpr Duration kSilent = 500ms;   // a peer that was not heard for so long may have to step aside unseen
 constexpr Duration kUrgent = 1s;      // before an obstacle comes, a plan must begin to get out of its way
 constexpr Duration kGetAway = 600ms;  // and can begin at the latest
+constexpr double kSamePlace_m = 1e-4, kRest_mps = 1e-3, kRest_mps2 = 1e-2;
+
+// From then on at rest at one place, but for what nobody sees.
+bool hovers(const Motion& motion, Utime from, const Eigen::Vector3d& place) {
+  for (Utime t = from; t != kNever; t = motion.next_knot_after(t)) {
+    const MotionState state = motion.at(t);
+    if ((state.position - place).norm() > kSamePlace_m || state.velocity.norm() > kRest_mps ||
+        state.acceleration.norm() > kRest_mps2)
+      return false;
+  }
+  return true;
+}
+
+// Where the robot hovers by then anyhow, a plan to hover on says nothing new.
+bool is_hover_again(const Motion& own, const Trajectory& plan) {
+  const Eigen::Vector3d place = own.at(own.end_utime()).position;
+  return hovers({plan, {}}, plan.start_utime(), place) && hovers(own, plan.start_utime(), place);
+}
 
 }  // namespace
 
@@ -336,7 +354,7 @@ void PlannerNode::plan(Utime now, Outbox& outbox) {
   newest_ = &planner_.plan(request_);
   ++plans_;
   plan_times_.push_back(now);
-  if (newest_->fly) {
+  if (newest_->fly && !is_hover_again(request_.own, newest_->trajectory)) {
     sogm_swarm::candidate_t candidate{};
     candidate.header = candidate_headers_.next(now);
     Trajectory trajectory = newest_->trajectory;

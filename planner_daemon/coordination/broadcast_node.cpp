@@ -24,7 +24,7 @@ constexpr Duration kMaxAge = 1s;  // of messages from peers and planner
 constexpr Duration kStatusPeriod = 1s;
 constexpr Duration kLegPeriod = 200ms;  // between proposals of the way up or down
 constexpr Duration kClockDoubt = 1s;
-constexpr Duration kLively = 300ms;            // after news
+constexpr Duration kLively = 300ms;            // after news, at most
 constexpr std::int64_t kMostLost = 1'000'000;  // that are counted, of a peer: the sum of all fits its field
 constexpr int kMostJudged = 4;                 // peers at once: far less time than between two setpoints
 constexpr double kHere_m = 0.02;               // a robot that stands is where it is bound to be
@@ -55,8 +55,9 @@ void declare(OptionSet& options, BroadcastConfig& config) {
   declare(options, config.limits);
   options.add("separation", &config.separation_m, 0, 10, "m", "kept between the surfaces of committed motions");
   options.add("announce-period", &config.announce_s, 0.005, 10, "s", "repetition of the announcement");
+  options.add("rest-period", &config.rest_s, 0.005, 10, "s", "repetition of the announcement while the robot hovers");
   options.add("lively-period", &config.lively_s, 0.005, 10, "s",
-              "repetition right after news, which peers wait for and which may get lost");
+              "repetition right after news, as long as peers wait for them: they may get lost");
   options.add("swarm-rate", &config.swarm_rate_hz, 1, 100'000, "Hz",
               "announcements of all robots of the roster together, at most");
   options.add("setpoint-rate", &config.setpoint_rate_hz, 1, 1000, "Hz", "of setpoints");
@@ -454,17 +455,12 @@ Utime BroadcastNode::step(Utime now, Outbox& outbox) {
       has_news_ = true;
       news_.done(now);
     }
-    const auto due = [&] {  // news at once, and again soon, for they may get lost
-      if (has_news_) return news_may_go_ = std::min(news_may_go_, now + gap_);  // the clock may have been set back
-      const bool is_lively = now < news_.due(now, kLively);
-      return announcement_.due(now, std::max(gap_, to_duration(is_lively ? config_.lively_s : config_.announce_s)));
-    };
-    if (now >= due()) announce(now, outbox);
+    if (now >= announce_due(now)) announce(now, outbox);
     if (now >= setpoint_.due_on_grid(now, setpoint_period)) {
       if (!identity_.gives_way(now)) publish_setpoint(now, outbox);
       setpoint_.done(now);
     }
-    wake = std::min({wake, setpoint_.due_on_grid(now, setpoint_period), protocol_.due_utime(now), due()});
+    wake = std::min({wake, setpoint_.due_on_grid(now, setpoint_period), protocol_.due_utime(now), announce_due(now)});
   }
   if (now >= status_.due(now, kStatusPeriod)) {
     publish_status(now, outbox);
@@ -479,6 +475,14 @@ Utime BroadcastNode::step(Utime now, Outbox& outbox) {
     flight_status_.done(now);
   }
   return std::max(std::min({wake, status_.due(now, kStatusPeriod), flight_status_.due(now, kStatusPeriod)}), now + 1us);
+}
+
+// News at once, and again soon while somebody waits for them, for they may get lost.
+Utime BroadcastNode::announce_due(Utime now) {
+  if (has_news_) return news_may_go_ = std::min(news_may_go_, now + gap_);  // the clock may have been set back
+  const bool is_lively = now < news_.due(now, kLively) && protocol_.is_awaited(now);
+  const double period_s = is_lively ? config_.lively_s : protocol_.rests(now) ? config_.rest_s : config_.announce_s;
+  return announcement_.due(now, std::max(gap_, to_duration(period_s)));
 }
 
 void BroadcastNode::announce(Utime now, Outbox& outbox) {

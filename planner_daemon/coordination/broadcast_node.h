@@ -31,7 +31,8 @@ struct BroadcastConfig {
   MotionLimits limits;          // candidates beyond are rejected
   double separation_m = 0.02;   // kept between surfaces of committed motions
   double announce_s = 0.05;     // repetition of the announcement
-  double lively_s = 0.02;       // the same right after news
+  double rest_s = 0.1;          // the same while the robot hovers
+  double lively_s = 0.02;       // the same right after news, while somebody waits for them
   double swarm_rate_hz = 1000;  // announcements of all robots together, at most
   double setpoint_rate_hz = 100;
   double yaw_rate_max_radps = 1.5;
@@ -98,6 +99,7 @@ class BroadcastNode : public Node {
   // of few peers at once. The rest waits until after the setpoint.
   void judge_peers(Utime now, Outbox& outbox);
   Utime judge_due(Utime now, Link& link) const;  // kNever: nothing waits
+  Utime announce_due(Utime now);
   void set_boot(std::int32_t boot);
   Refusal on_own(Utime now, std::span<const std::uint8_t> bytes);
   // Of the robot itself. Its other daemons follow the wall clock at once: where this one does not yet, their messages

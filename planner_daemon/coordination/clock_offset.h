@@ -12,7 +12,7 @@ namespace swarm {
 // both ways; how nearly, nobody can know: kDoubt of it is allowed for.
 class ClockOffset {
  public:
-  static constexpr int kEnough = 50;       // messages
+  static constexpr int kEnough = 25;       // messages
   static constexpr Duration kWindow = 5s;  // what counts came within this, or one more
   static constexpr double kDoubt = 0.25;
 

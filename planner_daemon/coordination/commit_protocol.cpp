@@ -150,7 +150,7 @@ void CommitProtocol::judge(Utime now, int peer_id, Peer* peer) {
   if (peer->pending.empty() || peer->pending.seq() <= peer->judged_seq || !motion_) return;
   peer->judged_seq = peer->pending.seq();
   peer->verdict = ack_t::kAck;
-  news_ = true;
+  news_ = news_ || peer_id > rules_.robot_id;                                                // it waits for the answer
   const bool late = peer->pending.start_utime() + to_duration(rules_.clock_error_s) <= now;  // by any clock
   if (late || !keeps_off(peer->pending, *motion_, *peer)) {
     peer->verdict = ack_t::kNack;
@@ -165,10 +165,7 @@ void CommitProtocol::judge(Utime now, int peer_id, Peer* peer) {
 
 void CommitProtocol::advance(Utime now) {
   if (!motion_) return;
-  if (!motion_->next.empty() && now >= motion_->next.start_utime()) {
-    motion_ = Motion{motion_->next, {}};
-    news_ = true;
-  }
+  if (!motion_->next.empty() && now >= motion_->next.start_utime()) motion_ = Motion{motion_->next, {}};
   if (pending_.empty()) return;
   const bool refused = std::any_of(peers_.begin(), peers_.end(), [this](const auto& entry) {
     const auto& [id, peer] = entry;
@@ -245,6 +242,15 @@ announcement_t CommitProtocol::state() const {
 
 bool CommitProtocol::take_news() {
   return std::exchange(news_, false);
+}
+
+bool CommitProtocol::is_awaited(Utime now) const {
+  if (!pending_.empty() || !all_hear()) return true;
+  if (motion_ && motion_->seq() == forced_seq_ && now < motion_->end_utime()) return true;
+  return std::any_of(peers_.begin(), peers_.end(), [&](const auto& entry) {
+    const auto& [id, peer] = entry;
+    return id > rules_.robot_id && !peer.pending.empty() && now < peer.pending.start_utime();
+  });
 }
 
 Utime CommitProtocol::due_utime(Utime now) const {

@@ -134,8 +134,14 @@ class CommitProtocol {
 
   // All but the header and what is known of clocks.
   sogm_swarm::announcement_t state() const;
-  // Whether state() has changed since the last call.
+  // Whether state() has changed since the last call in what peers wait for or have to know soon: not by the switch to
+  // what they know as next, nor by a verdict for a robot that goes by right of way.
   bool take_news();
+  // Whether what state() says is still to arrive: somebody waits for an answer of this robot, it for theirs, or it
+  // flies what they were not asked for.
+  bool is_awaited(Utime now) const;
+  // It hovers, and asks for nothing else.
+  bool rests(Utime now) const { return pending_.empty() && motion_ && motion_->end_utime() <= now; }
   int commits() const { return commits_; }
   int forced() const { return forced_; }  // of them
   int withdrawn() const { return withdrawn_; }

@@ -118,7 +118,7 @@ TEST(PlannerNode, UrgentPlansBeginInTime) {
   for (const double s : {0.3, 0.9, 1.3, 1.9}) {
     SCOPED_TRACE(s);
     Fixture f;
-    f.start(kHome);
+    f.start({0.5, 0, 1});
     for (int i = 0; i < 10; ++i) {  // answers take 0.4 s
       carry_out(f, 0.4, true);
       (void)lead_s(f);

@@ -194,7 +194,8 @@ TEST(BroadcastClock, UnaskedItGoesOnAtItsRate) {
     robot.run_for(3.0);
     EXPECT_NEAR(robot.out.count(channel::kSetpoint) - setpoints, 300, 1);
     EXPECT_NEAR(robot.out.count(channel::kBroadcastStatus) - statuses, 3, 1);
-    EXPECT_NEAR(robot.out.count(channel::kOwnTrajectory) - announcements, 65, 6);
+    const int due = step < 0s ? 60 : 30;  // it began to hover in the future, or long ago
+    EXPECT_NEAR(robot.out.count(channel::kOwnTrajectory) - announcements, due, 1);
     for (const auto& setpoint : robot.out.all<setpoint_t>(channel::kSetpoint))
       EXPECT_LT((Eigen::Vector3d(setpoint.position) - kHome).norm(), 1e-9);
   }

@@ -165,6 +165,7 @@ class Swarm {
     announcement_t kept;
     std::int32_t boot;
     int proposals;  // left
+    std::vector<std::uint8_t> said{};
   };
 
   CommitProtocol make(std::size_t i, std::int32_t boot) const {
@@ -197,7 +198,10 @@ class Swarm {
         return true;
       });
     }
-    if (!robot.protocol.take_news()) return;
+    // What has changed is said at once or by the next repetition, which may come at any time.
+    std::vector<std::uint8_t> says = encoded(robot.protocol.state());
+    if (says == robot.said) return;
+    robot.said = std::move(says);
     for (std::size_t j = 0; j < n_; ++j) {
       if (j != i) send(i, j);
     }
@@ -255,6 +259,7 @@ class Swarm {
     robot.protocol = make(i, robot.boot);
     robot.protocol.start(motion);
     robot.kept = robot.protocol.state();
+    robot.said.clear();
     for (std::size_t j = 0; j < n_; ++j) {  // it does not know what it has heard: that may arrive once more
       if (j == i) continue;
       if (delivered_[j * n_ + i]) link(j, i).insert(link(j, i).begin(), *delivered_[j * n_ + i]);
