@@ -21,9 +21,9 @@ constexpr Duration kStatusPeriod = 1s;
 constexpr Duration kSilent = 500ms;   // a peer that was not heard for so long may have to step aside unseen
 constexpr Duration kUrgent = 1s;      // before an obstacle comes, a plan must begin to get out of its way
 constexpr Duration kGetAway = 600ms;  // and can begin at the latest
-constexpr double kSamePlace_m = 1e-4, kRest_mps = 1e-3, kRest_mps2 = 1e-2;
+constexpr double kSamePlace_m = 1e-3, kRest_mps = 1e-2, kRest_mps2 = 0.1;
 
-// From then on at rest at one place, but for what nobody sees.
+// From then on at rest at one place, as near as anybody sees.
 bool hovers(const Motion& motion, Utime from, const Eigen::Vector3d& place) {
   for (Utime t = from; t != kNever; t = motion.next_knot_after(t)) {
     const MotionState state = motion.at(t);

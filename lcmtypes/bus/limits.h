@@ -11,12 +11,14 @@
 #include "sogm_swarm/lidar_scan_t.hpp"
 #include "sogm_swarm/obstacle_voxels_t.hpp"
 #include "sogm_swarm/obstacles_t.hpp"
+#include "sogm_swarm/packed_announcement_t.hpp"
 #include "sogm_swarm/sogm_t.hpp"
 #include "sogm_swarm/trajectory_t.hpp"
 
 namespace swarm {
 
 inline constexpr int kMaxRosterRobots = sogm_swarm::announcement_t::kMaxAcks;  // that fly together
+inline constexpr int kMaxPackedBytes = sogm_swarm::packed_announcement_t::kMaxBytes;
 inline constexpr int kMaxTrajectoryPieces = sogm_swarm::trajectory_t::kMaxPieces;
 inline constexpr int kMaxFaces = sogm_swarm::corridors_t::kMaxFaces;  // of all corridors of a plan
 inline constexpr int kMaxTrackedObstacles = sogm_swarm::obstacles_t::kMaxObstacles;
@@ -52,6 +54,9 @@ inline constexpr double kMaxVelocity_mps = 100.0;
 inline constexpr double kMaxAcceleration_mps2 = 1e3;
 inline constexpr double kMaxJerk_mps3 = 1e5;
 inline constexpr Utime kMaxUtime = to_utime(std::int64_t{1} << 53);  // sums of times never overflow
+
+// Knots of trajectories that are flown are in whole steps: of 0.1 mm, 1 mm/s and 1 cm/s^2.
+inline constexpr double kStepsPerMetre = 1e4, kStepsPerMps = 1e3, kStepsPerMps2 = 1e2;
 
 // Of what a robot proposes to fly, from then on.
 inline constexpr Duration kMaxAhead = 2s;    // it begins

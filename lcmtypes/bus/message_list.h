@@ -25,9 +25,8 @@
           SWARM_ARRAY(num_bytes, packed, 1, kMaxPartBytes))                                                           \
   MESSAGE(candidate_t, SWARM_ON(kCandidate, "CANDIDATE", kOnboard))                                                   \
   MESSAGE(announcement_t,                                                                                             \
-          SWARM_ON(kOwnTrajectory, "OWN_TRAJECTORY", kOnboard)   /* of the robot itself */                            \
-          SWARM_ON(kPeerTrajectory, "PEER_TRAJECTORY", kOnboard) /* of its peers, relayed byte for byte */            \
-          SWARM_ON(kTrajectory, "TRAJECTORY", kSwarm),                                                                \
+          SWARM_ON(kOwnTrajectory, "OWN_TRAJECTORY", kOnboard)    /* of the robot itself, as it is announced */       \
+          SWARM_ON(kPeerTrajectory, "PEER_TRAJECTORY", kOnboard), /* of its peers, as they announce it */             \
           SWARM_ARRAY(num_acks, acks, 9, kMaxRosterRobots))                                                           \
   MESSAGE(setpoint_t, SWARM_ON(kSetpoint, "SETPOINT", kOnboard))                                                      \
   MESSAGE(corridors_t, SWARM_ON(kCorridors, "CORRIDORS", kOnboard), SWARM_ARRAY(num_faces, faces, 18, kMaxFaces))     \
@@ -35,4 +34,6 @@
   MESSAGE(perception_status_t, SWARM_ON(kPerceptionStatus, "PERCEPTION_STATUS", kOnboard))                            \
   MESSAGE(map_request_t, SWARM_ON(kSaveMap, "SAVE_MAP", kOnboard))                                                    \
   MESSAGE(planner_status_t, SWARM_ON(kPlannerStatus, "PLANNER_STATUS", kOnboard))                                     \
-  MESSAGE(broadcast_status_t, SWARM_ON(kBroadcastStatus, "BROADCAST_STATUS", kOnboard))
+  MESSAGE(broadcast_status_t, SWARM_ON(kBroadcastStatus, "BROADCAST_STATUS", kOnboard))                               \
+  MESSAGE(packed_announcement_t, SWARM_ON(kAnnouncement, "ANNOUNCEMENT", kSwarm),                                     \
+          SWARM_ARRAY(num_bytes, packed, 1, kMaxPackedBytes))

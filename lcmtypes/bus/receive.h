@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <span>
 #include <type_traits>
+#include <utility>
 
 #include "lcmtypes/bus/codec.h"
 #include "lcmtypes/bus/limits.h"
@@ -37,22 +38,28 @@ struct AnyOrder {
   }
 };
 
-// Decodes and validates, then asks `from` (whose it is), checks the time and at last asks `order` (a SequenceGate, or
+// Of a message that is valid: asks `from` (whose it is), checks the time and at last asks `order` (a SequenceGate, or
 // whatever takes the message and says so): a message that is refused before uses up no number. `from` and `order` take
-// the message and return a Refusal. `message` is good after kNone, kTime and what only `from` or `order` return, as
-// kRobot and kSequence; after what decode() refuses it is unspecified.
+// the message and return a Refusal.
+template <class T, class From, class Order>
+[[nodiscard]] Refusal admit(const T& message, const From& from, const TimeWindow& window, Order&& order) {
+  if (const Refusal refusal = from(message); refusal != Refusal::kNone) return refusal;
+  const Refusal refusal = check_time(to_utime(message.header.utime), window.now, window.max_age, window.max_ahead);
+  if (refusal != Refusal::kNone) return refusal;
+  if constexpr (std::same_as<std::remove_cvref_t<Order>, SequenceGate>) {
+    return order.pass(message.header);
+  } else {
+    return order(message);
+  }
+}
+
+// Decodes, validates and admits. `message` is good after kNone, kTime and what only `from` or `order` return, as kRobot
+// and kSequence; after what decode() refuses it is unspecified.
 template <class T, class From, class Order>
 [[nodiscard]] Refusal receive(std::span<const std::uint8_t> bytes, const From& from, const TimeWindow& window,
                               Order&& order, T* message) {
   if (const Refusal refusal = decode(bytes, message); refusal != Refusal::kNone) return refusal;
-  if (const Refusal refusal = from(*message); refusal != Refusal::kNone) return refusal;
-  const Refusal refusal = check_time(to_utime(message->header.utime), window.now, window.max_age, window.max_ahead);
-  if (refusal != Refusal::kNone) return refusal;
-  if constexpr (std::same_as<std::remove_cvref_t<Order>, SequenceGate>) {
-    return order.pass(message->header);
-  } else {
-    return order(*message);
-  }
+  return admit(*message, from, window, std::forward<Order>(order));
 }
 
 }  // namespace swarm

@@ -120,6 +120,10 @@ Refusal validate(const announcement_t& m) {
   return verdict(values_ok, consistent);
 }
 
+Refusal validate(const packed_announcement_t& m) {
+  return verdict(m.num_bytes >= 1);
+}
+
 Refusal validate(const corridors_t& m) {
   const auto face_ok = [](const face_t& face) {
     const double norm =

@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "lcmtypes/bus/channels.h"
+#include "lcmtypes/bus/packed_announcement.h"
 #include "lcmtypes/bus/portable_math.h"
 
 namespace swarm {
@@ -126,7 +127,7 @@ BroadcastNode::BroadcastNode(const BroadcastConfig& config, PromiseStore& store,
 std::vector<Subscription> BroadcastNode::subscriptions() const {
   return {{BusId::kOnboard, channel::kRobotState},    {BusId::kOnboard, channel::kCandidate},
           {BusId::kOnboard, channel::kOwnTrajectory}, {BusId::kOnboard, channel::kFlightOrder},
-          {BusId::kOnboard, channel::kVehicleStatus}, {BusId::kSwarm, channel::kTrajectory}};
+          {BusId::kOnboard, channel::kVehicleStatus}, {BusId::kSwarm, channel::kAnnouncement}};
 }
 
 void BroadcastNode::on_message(Utime now, BusId bus, std::string_view channel, std::span<const std::uint8_t> bytes,
@@ -281,12 +282,13 @@ Rejection BroadcastNode::examine(Utime now, const Trajectory& candidate) const {
     return Rejection::kDiscontinuous;
   }
   constexpr double kTolerance = 1.01;
+  const Slack slack = Slack::of_rounded(kTolerance, candidate.piece_s());
   // Short pieces are looked at between their knots as well: they may be at rest there, and fast in between.
   const Duration step = std::min<Duration>(10ms, candidate.piece() / 8);
   for (Utime t = start; t < candidate.end_utime(); t += step) {
     const MotionState state = candidate.at(t);
     if (state.velocity.cwiseAbs().maxCoeff() > kTolerance * config_.limits.v_max_mps ||
-        !config_.limits.can_follow(state, kTolerance))
+        !config_.limits.can_follow(state, slack))
       return Rejection::kLimits;
   }
   return Rejection::kNone;
@@ -304,10 +306,12 @@ Refusal BroadcastNode::on_peer(Utime now, std::span<const std::uint8_t> bytes) {
   };
   const auto in_order = [this](const announcement_t& m) { return links_.at(m.header.robot_id).gate.pass(m.header); };
   const TimeWindow lately{now, kMaxAge, to_duration(config_.clock_error_s)};
-  const Refusal refusal = receive(bytes, from_peer, lately, in_order, &message);
+  Refusal refusal = decode_packed(bytes, &message);
+  if (refusal != Refusal::kNone) return refusal;
+  refusal = admit(message, from_peer, lately, in_order);
   if (refusal == Refusal::kRobot && message.header.robot_id == config_.robot_id)  // multicast returns our own
     return identity_.is_of_twin(now, message.header) ? Refusal::kRobot : Refusal::kNone;
-  if (refusal == Refusal::kTime) on_other_time(now, bytes, &message);
+  if (refusal == Refusal::kTime) on_other_time(now, &message);
   if (refusal != Refusal::kNone) return refusal;
   const int id = message.header.robot_id;
   Link& link = links_.at(id);
@@ -323,12 +327,12 @@ Refusal BroadcastNode::on_peer(Utime now, std::span<const std::uint8_t> bytes) {
   link.boot = message.header.boot;
   link.seq = message.header.seq;
   link.newest = std::move(message);
-  link.bytes.assign(bytes.begin(), bytes.end());
+  link.waits = true;
   link.is_of_other_time = false;
   return Refusal::kNone;
 }
 
-void BroadcastNode::on_other_time(Utime now, std::span<const std::uint8_t> bytes, announcement_t* message) {
+void BroadcastNode::on_other_time(Utime now, announcement_t* message) {
   const int id = message->header.robot_id;
   const Duration age = now - to_utime(message->header.utime);
   if (age < 0us) doubt_clock_of(id, now, -age);
@@ -338,13 +342,13 @@ void BroadcastNode::on_other_time(Utime now, std::span<const std::uint8_t> bytes
   if (!is_by_other_clock || link.other_time.pass(message->header) != Refusal::kNone) return;
   shift(age, message);
   link.newest = std::move(*message);
-  link.bytes.assign(bytes.begin(), bytes.end());
+  link.waits = true;
   link.is_of_other_time = true;
 }
 
 Utime BroadcastNode::judge_due(Utime now, Link& link) const {
   link.may_be_judged = std::min(link.may_be_judged, now + gap_);  // the clock may have been set back
-  return link.bytes.empty() ? kNever : std::max(link.may_be_judged, now);
+  return link.waits ? std::max(link.may_be_judged, now) : kNever;
 }
 
 void BroadcastNode::judge_peers(Utime now, Outbox& outbox) {
@@ -356,13 +360,9 @@ void BroadcastNode::judge_peers(Utime now, Outbox& outbox) {
     if (judge_due(now, link) > now) return;
     link.may_be_judged = std::clamp(link.may_be_judged, now - gap_ / 2, now) + gap_ / 2;
     if (!link.is_of_other_time) protocol_.receive(now, link.newest);
-    if (offered_step_ == 0us && !link.is_of_other_time) {
-      outbox.publish_bytes(BusId::kOnboard, channel::kPeerTrajectory, link.bytes);
-    } else {
-      shift(offered_step_, &link.newest);
-      outbox.publish(BusId::kOnboard, channel::kPeerTrajectory, link.newest);
-    }
-    link.bytes.clear();
+    shift(offered_step_, &link.newest);
+    outbox.publish(BusId::kOnboard, channel::kPeerTrajectory, link.newest);
+    link.waits = false;
     if (link.is_of_other_time) continue;
     if (identity_.outdo(now, protocol_.peers().at(id).our_boot, protocol_.commits() > 0)) {
       set_boot(identity_.boot());
@@ -493,7 +493,7 @@ void BroadcastNode::announce(Utime now, Outbox& outbox) {
     const auto delay = link->second.clock.least_delay();
     if (delay) message.least_delay_us = static_cast<std::int32_t>(delay->count());
   }
-  outbox.publish(BusId::kSwarm, channel::kTrajectory, message);
+  outbox.publish(BusId::kSwarm, channel::kAnnouncement, pack(&message));
   shift(offered_step_, &message);
   outbox.publish(BusId::kOnboard, channel::kOwnTrajectory, message);
   has_news_ = false;

@@ -77,8 +77,8 @@ class BroadcastNode : public Node {
     std::int32_t boot = -1, lost = 0;
     std::int64_t seq = 0;
 
-    sogm_swarm::announcement_t newest;  // waits to be judged, with its bytes, if any do
-    std::vector<std::uint8_t> bytes;
+    sogm_swarm::announcement_t newest;
+    bool waits = false;     // the newest, to be judged
     Utime may_be_judged{};  // no earlier
 
     bool is_of_other_time = false;  // what waits: where the peer is, with times set to ours, is for the planner alone
@@ -94,7 +94,7 @@ class BroadcastNode : public Node {
   Refusal on_peer(Utime now, std::span<const std::uint8_t> bytes);
   // What a peer says by a clock that is wrong, or was heard since ours was set: nothing that was promised is known by
   // it, but where the peer is.
-  void on_other_time(Utime now, std::span<const std::uint8_t> bytes, sogm_swarm::announcement_t* message);
+  void on_other_time(Utime now, sogm_swarm::announcement_t* message);
   // Has what waits from peers judged and relayed: of each peer the newest, twice as often as it may speak at most, and
   // of few peers at once. The rest waits until after the setpoint.
   void judge_peers(Utime now, Outbox& outbox);

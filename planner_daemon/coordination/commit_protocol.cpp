@@ -233,7 +233,8 @@ announcement_t CommitProtocol::state() const {
   message.least_delay_us = announcement_t::kUnknown;
   for (const auto& [id, peer] : peers_) {
     if (message.acks.size() == place_) message.acks.push_back({-1, 0, ack_t::kNone});
-    message.acks.push_back({peer.boot, peer.judged_seq, peer.verdict});
+    const bool counts = !peer.pending.empty() && peer.pending.seq() == peer.judged_seq;  // else its peer has gone on
+    message.acks.push_back({peer.boot, counts ? peer.judged_seq : 0, counts ? peer.verdict : ack_t::kNone});
   }
   if (message.acks.size() == place_) message.acks.push_back({-1, 0, ack_t::kNone});
   message.num_acks = static_cast<std::int16_t>(message.acks.size());

@@ -25,8 +25,8 @@
 //  7. A robot that is off its motion by up to an error bound announces its radius with it; what is new keeps that off.
 //     Robots that are closer than that, but no closer than they may be without it, may likewise commit what does not
 //     bring them nearer. One that has lost its motion altogether is bound to how it comes to rest: that is forced.
-// Every announcement is the whole state (C, P, verdicts), repeated for ever, and only newer ones (boot, seq) are read:
-// so losses heal, and duplicates and reordering change nothing.
+// Every announcement is the whole state (C, P, verdicts on what peers still announce), repeated for ever, and only
+// newer ones (boot, seq) are read: so losses heal, and duplicates and reordering change nothing.
 //
 // Why it is safe, but for what is forced: what an asker flies or may still commit is always among what the holder knows
 // (its C, or a P that the holder acknowledged and keeps), and the holder commits nothing that conflicts with that. An

@@ -64,7 +64,8 @@ bool GoalShot::shoot(const SearchNode& node, SearchPath* path) {
       knot = k == pieces ? goal : evaluate_bezier(whole, duration_s, static_cast<double>(k) / pieces);
       const MotionState& before = k == 1 ? start : path->knots[at - 1];
       const ControlPoints points = quintic_control_points(before, knot, tau_s);
-      ok = max_speed_bound(points, tau_s) <= v_max_mps + 1e-9 && context_.limits.can_follow(points, tau_s, 1.0 + 1e-6);
+      ok =
+          max_speed_bound(points, tau_s) <= v_max_mps + 1e-9 && context_.limits.can_follow(points, tau_s, {1.0 + 1e-6});
     }
     if (!ok) continue;
     // Free on the way; at the goal it is.

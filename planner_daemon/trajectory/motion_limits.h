@@ -17,6 +17,15 @@ struct ThrustLimits {
   bool operator==(const ThrustLimits&) const = default;
 };
 
+// By how much limits may be passed: by a factor, and by what rounding makes of accelerations and jerks.
+struct Slack {
+  double factor;
+  double a_mps2 = 1e-5, j_mps3 = 0.1;  // where it begins in floats
+
+  // Of pieces between knots that are rounded as a Trajectory's are.
+  static Slack of_rounded(double factor, double piece_s);
+};
+
 struct MotionLimits {
   static constexpr double kGravity_mps2 = 9.81;
   // A cone of tilt is taken for an upright pyramid of so many sides inside it.
@@ -39,13 +48,12 @@ struct MotionLimits {
   // What braking from v_max achieves on average: where jerk is limited, less than an axis does.
   double stopping_mps2() const;
 
-  // Whether a state, or a whole piece by its control points, keeps the limits of acceleration and jerk, by a factor of
-  // `slack`.
-  bool can_follow(const MotionState& state, double slack) const;
-  bool can_follow(const ControlPoints& points, double h_s, double slack) const;
+  // Whether a state, or a whole piece by its control points, keeps the limits of acceleration and jerk.
+  bool can_follow(const MotionState& state, const Slack& slack) const;
+  bool can_follow(const ControlPoints& points, double h_s, const Slack& slack) const;
 
  private:
-  bool can_pull(const Eigen::Vector3d& acceleration, double slack) const;
+  bool can_pull(const Eigen::Vector3d& acceleration, const Slack& slack) const;
 };
 
 // Whether a trajectory keeps all of them, but for rounding.

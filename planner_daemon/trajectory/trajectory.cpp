@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "lcmtypes/bus/limits.h"
 #include "planner_daemon/trajectory/motion_limits.h"
 
 namespace swarm {
@@ -40,8 +41,9 @@ Trajectory Trajectory::braking(std::int32_t seq, Utime start_utime, const Eigen:
 
 Trajectory Trajectory::from_wire(const sogm_swarm::trajectory_t& wire) {
   Trajectory trajectory(wire.seq, to_utime(wire.start_utime), Duration(std::max(wire.piece_us, 1)), wire.num_pieces);
-  for (std::size_t i = 0; i < trajectory.knots_.size(); ++i) {
-    std::copy(std::begin(wire.knots[i]), std::end(wire.knots[i]), trajectory.knots_[i].begin());
+  for (int i = 0; i <= wire.num_pieces; ++i) {
+    const Eigen::Map<const Eigen::Matrix<float, 3, 3>> knot(wire.knots[i]);  // columns: p, v, a
+    trajectory.set_knot(i, {knot.col(0).cast<double>(), knot.col(1).cast<double>(), knot.col(2).cast<double>()});
   }
   return trajectory;
 }
@@ -59,10 +61,14 @@ sogm_swarm::trajectory_t Trajectory::to_wire() const {
 }
 
 void Trajectory::set_knot(int i, const MotionState& state) {
-  Eigen::Map<Eigen::Matrix<float, 3, 3>> knot(knots_[static_cast<std::size_t>(i)].data());  // columns: p, v, a
-  knot.col(0) = state.position.cast<float>();
-  knot.col(1) = state.velocity.cast<float>();
-  knot.col(2) = state.acceleration.cast<float>();
+  auto& knot = knots_[static_cast<std::size_t>(i)];
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const auto at = static_cast<Eigen::Index>(axis);
+    knot[axis] = rounded(state.position[at], kStepsPerMetre);
+    if (i == num_pieces_) continue;
+    knot[3 + axis] = rounded(state.velocity[at], kStepsPerMps);
+    knot[6 + axis] = rounded(state.acceleration[at], kStepsPerMps2);
+  }
 }
 
 MotionState Trajectory::knot(int i) const {

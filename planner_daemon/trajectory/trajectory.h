@@ -1,5 +1,6 @@
 // A committed trajectory: a C2 quintic spline that ends at rest (paper section IV-C). Its knots determine it, so C2
-// holds by construction, also after quantisation on the wire.
+// holds by construction. They are rounded to what announcements carry (kStepsPerMetre, kStepsPerMps, kStepsPerMps2) as
+// they are set, and the last one is at rest: whoever checks, flies or hears a trajectory has the same one.
 #pragma once
 
 #include <array>
@@ -25,14 +26,14 @@ class Trajectory {
   // one brakes harder. seq >= 1.
   static Trajectory braking(std::int32_t seq, Utime start_utime, const Eigen::Vector3d& position,
                             const Eigen::Vector3d& velocity, const MotionLimits& limits);
-  // From a message that passed decode().
+  // From a message that passed decode(); knots that are not rounded are.
   static Trajectory from_wire(const sogm_swarm::trajectory_t& wire);
   sogm_swarm::trajectory_t to_wire() const;
 
   // A spline whose knots are all zero until set_knot fills them. 1 <= num_pieces <= kMaxPieces;
   // `piece`, the duration of each, [10 ms, 10 s] as on the wire.
   Trajectory(std::int32_t seq, Utime start_utime, Duration piece, int num_pieces);
-  // Knot i in [0, num_pieces], rounded to what the wire carries.
+  // Knot i in [0, num_pieces], rounded; of the last one the position alone.
   void set_knot(int i, const MotionState& state);
   // Knot i (jerk is zero).
   MotionState knot(int i) const;
@@ -55,6 +56,11 @@ class Trajectory {
   Utime next_knot_after(Utime utime) const;
 
  private:
+  static float rounded(double value, double steps) {
+    constexpr double kWhole = 0x1.8p52;  // no fraction of a number has a place beside it
+    return static_cast<float>(((steps * value + kWhole) - kWhole) / steps);
+  }
+
   std::int32_t seq_ = 0;
   Utime start_utime_{};
   Duration piece_{1};

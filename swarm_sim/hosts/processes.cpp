@@ -51,7 +51,7 @@ std::string own_swarm_url(int port) {
 void refuse_used_bus(const std::string& url) {
   LcmBus bus(url);
   bool used = false;
-  for (const char* channel : {channel::kTrajectory, channel::kSetpoint, channel::kRobotState}) {
+  for (const char* channel : {channel::kAnnouncement, channel::kSetpoint, channel::kRobotState}) {
     bus.subscribe(channel, [&used](std::string_view, std::span<const std::uint8_t>) { used = true; });
   }
   const auto deadline = std::chrono::steady_clock::now() + 150ms;
@@ -212,7 +212,7 @@ RunReport report_of(const Simulation& simulation, const std::deque<RobotWatch>& 
     counts.push_back(robot.counts());
   }
   RunReport report = make_report("processes", simulation, wall_s, planning, std::move(counts));
-  for (const RobotWatch& robot : robots) report.channels[channel::kTrajectory].lost += robot.lost();
+  for (const RobotWatch& robot : robots) report.channels[channel::kAnnouncement].lost += robot.lost();
   return report;
 }
 

@@ -15,10 +15,10 @@ class Relay::Port : public Node {
  public:
   Port(Relay& relay, int id) : relay_(relay), id_(id) {}
 
-  std::vector<Subscription> subscriptions() const override { return {{BusId::kSwarm, channel::kTrajectory}}; }
+  std::vector<Subscription> subscriptions() const override { return {{BusId::kSwarm, channel::kAnnouncement}}; }
 
   void on_message(Utime now, BusId, std::string_view channel, std::span<const std::uint8_t> bytes, Outbox&) override {
-    sogm_swarm::announcement_t message;  // what the others sent comes back as well
+    sogm_swarm::packed_announcement_t message;  // what the others sent comes back as well
     if (receive(bytes, FromRobot{id_}, {}, AnyOrder{}, &message) != Refusal::kNone) return;
     relay_.send(now, id_, channel, bytes);
   }

@@ -25,13 +25,13 @@ RobotWatch::RobotWatch(int robot_id, SwarmShare share, BusRecorder& recorder)
 std::vector<Subscription> RobotWatch::subscriptions() const {
   std::vector<Subscription> all;
   for (const char* channel : channels_of(BusId::kOnboard)) all.push_back({BusId::kOnboard, channel});
-  if (share_ != SwarmShare::kNone) all.push_back({BusId::kSwarm, channel::kTrajectory});
+  if (share_ != SwarmShare::kNone) all.push_back({BusId::kSwarm, channel::kAnnouncement});
   return all;
 }
 
 void RobotWatch::on_message(Utime now, BusId bus, std::string_view channel, std::span<const std::uint8_t> bytes,
                             Outbox&) {
-  sogm_swarm::announcement_t own;
+  sogm_swarm::packed_announcement_t own;
   if (bus == BusId::kSwarm && share_ == SwarmShare::kOwn && !read(bytes, id_, &own)) return;
   recorder_.hear(now, bus, id_, channel, bytes);
   if (bus == BusId::kSwarm) return;

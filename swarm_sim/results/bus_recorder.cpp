@@ -11,7 +11,7 @@ void BusRecorder::hear(Utime now, BusId bus, int robot_id, std::string_view chan
   if (count == channels_.end()) count = channels_.try_emplace(std::string(channel)).first;
   ++count->second.messages;
   count->second.bytes += static_cast<std::int64_t>(bytes.size());
-  if (bus == BusId::kSwarm && channel == channel::kTrajectory)
+  if (bus == BusId::kSwarm && channel == channel::kAnnouncement)
     audit_.collect(bytes, clocks_are_set_ ? std::optional(now) : std::nullopt);
 }
 

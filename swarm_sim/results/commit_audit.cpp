@@ -6,6 +6,7 @@
 
 #include "lcmtypes/bus/channels.h"
 #include "lcmtypes/bus/lcm_log.h"
+#include "lcmtypes/bus/packed_announcement.h"
 #include "planner_daemon/coordination/deconfliction.h"
 #include "swarm_sim/world/clocks.h"
 
@@ -35,7 +36,7 @@ bool CommitAudit::Announcement::is_forced(Utime utime) const {
 
 bool CommitAudit::read(std::span<const std::uint8_t> bytes, Announcement* announcement) {
   sogm_swarm::announcement_t message;
-  if (decode(bytes, &message) != Refusal::kNone) return false;
+  if (decode_packed(bytes, &message) != Refusal::kNone) return false;
   announcement->header = message.header;
   const auto [radius_m, is_first] = radii_m_.try_emplace(message.header.robot_id, message.radius);
   radius_m->second = std::min<double>(radius_m->second, message.radius);
@@ -107,7 +108,7 @@ CommitAudit audit_log(const std::filesystem::path& path, double clock_offset_ms)
   LcmLog log(path);
   CommitAudit audit(clock_offset_ms);
   for (LogEvent event; log.next(&event);) {
-    if (event.channel == channel::kTrajectory) audit.collect(event.bytes);
+    if (event.channel == channel::kAnnouncement) audit.collect(event.bytes);
   }
   audit.finish();
   return audit;

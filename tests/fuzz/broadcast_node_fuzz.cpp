@@ -200,7 +200,7 @@ void send_own(FuzzInput& input, Bench* bench) {
   announcement_t message = *bench->own;
   if (input.flag()) message.header = bench->header(input, Bench::kRobot);
   const bool onboard = input.flag();
-  bench->send(onboard ? BusId::kOnboard : BusId::kSwarm, onboard ? channel::kOwnTrajectory : channel::kTrajectory,
+  bench->send(onboard ? BusId::kOnboard : BusId::kSwarm, onboard ? channel::kOwnTrajectory : channel::kAnnouncement,
               message);
   bench->allow_silence();
 }
@@ -228,7 +228,7 @@ void try_input(FuzzInput input) {
     } else if (number <= 12) {
       const int place_of_peer = input.flag() ? 1 : 0;
       const announcement_t message = announcement_of(input, *bench, 2 * place_of_peer, &peers[place_of_peer]);
-      bench->send(BusId::kSwarm, channel::kTrajectory, message);
+      bench->send(BusId::kSwarm, channel::kAnnouncement, message);
     } else if (number == 13) {
       send_order(input, bench.get());
     } else if (number == 14) {

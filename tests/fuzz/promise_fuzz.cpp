@@ -41,7 +41,7 @@ void try_input(FuzzInput input) {
   PromiseStore::Copies copies;
   std::vector<std::pair<Bytes, Bytes>> parts;  // of the copies: an announcement and a flight status
   for (int count = input.byte() % 3; count > 0; --count) {
-    const Bytes promise = message_bytes(input, channel::kTrajectory);
+    const Bytes promise = message_bytes(input, channel::kOwnTrajectory);
     const Bytes flight = message_bytes(input, channel::kFlightStatus);
     parts.emplace_back(promise, flight);
     copies.push_back(promise);

@@ -10,6 +10,7 @@
 #include <sstream>
 
 #include "lcmtypes/bus/lcm_wire.h"
+#include "lcmtypes/bus/packed_announcement.h"
 #include "lcmtypes/bus/seal.h"
 #include "map_daemon/sogm_codec.h"
 #include "tests/fuzz/fuzz_input.h"
@@ -82,6 +83,16 @@ void write_wire(const Corpora& corpora) {
       corpora.write("messages", name, Seed().byte(type).byte(1).raw(random_message<T>()));
     });
   }
+  random_messages::Random random(1);
+  for (const int robots : {2, 20}) {
+    auto message = random_messages::make<sogm_swarm::announcement_t>(random, robots);
+    const auto packed = pack(&message);
+    const auto utime = static_cast<std::uint64_t>(packed.header.utime);
+    const auto boot = static_cast<std::uint64_t>(packed.header.boot);
+    corpora.write("packed", std::to_string(robots) + "_robots",
+                  Seed().word(utime, 7).word(2 * boot, 4).raw(packed.packed));
+  }
+
   const Bytes goal = message_on(channel::kGoal);
   Seed datagrams;
   datagrams.byte(0).byte(1).part("GOAL").byte(1).word(90, 1).part("pattern").word(7, 4);
@@ -115,8 +126,8 @@ void write_wire(const Corpora& corpora) {
 
   const std::string key = "000102030405060708090a0b0c0d0e0f101112131415161718191a1b1c1d1e1f\n";
   Bytes sealed{1, 2, 3, 4};
-  SwarmKeys(key).seal("TRAJECTORY", &sealed);
-  corpora.write("seal", "sealed", Seed().byte(1).part("TRAJECTORY").part(std::string_view("\0\1\1", 3)).raw(sealed));
+  SwarmKeys(key).seal("ANNOUNCEMENT", &sealed);
+  corpora.write("seal", "sealed", Seed().byte(1).part("ANNOUNCEMENT").part(std::string_view("\0\1\1", 3)).raw(sealed));
   corpora.write("seal", "key_file", Seed().byte(0).raw("# a key\n\n" + key));
   corpora.write("seal", "two_keys", Seed().byte(0).raw(key + key));
 }

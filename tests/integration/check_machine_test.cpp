@@ -151,9 +151,9 @@ TEST_F(CheckMachine, TellsOtherVersionsAndClocksByTheirRobot) {
         message.radius = 0.2f;
         message.committed = Trajectory::hover(1, wall_utime(), {0, 0, 1}).to_wire();
         message.least_delay_us = sogm_swarm::announcement_t::kUnknown;
-        Bytes bytes = encoded(message);
+        Bytes bytes = packed(message);
         if (robot == 2) bytes[3] ^= 1;  // another fingerprint
-        EXPECT_TRUE(bus.publish(channel::kTrajectory, bytes));
+        EXPECT_TRUE(bus.publish(channel::kAnnouncement, bytes));
       }
       std::this_thread::sleep_for(20ms);
     }

@@ -431,7 +431,7 @@ TEST(Daemons, CountGarbageAndGoOn) {
       "planner_daemon", channel::kPlannerStatus,
       {channel::kSogm, channel::kOwnTrajectory, channel::kPeerTrajectory, channel::kGoal});
   expect_garbage_is_counted<broadcast_status_t>("broadcast_daemon", channel::kBroadcastStatus,
-                                                {channel::kRobotState, channel::kCandidate}, {channel::kTrajectory});
+                                                {channel::kRobotState, channel::kCandidate}, {channel::kAnnouncement});
 }
 
 TEST(PlannerBench, SolvesStoredProblems) {

@@ -139,7 +139,7 @@ TEST_F(Flooded, ByStrangers) {
   LcmBus unsealed(kSwarmUrl);
   Peer stranger{1, Trajectory::hover(1, now(), {3, 0, 1})};
   expect_steady_setpoints(20'000, [&] {
-    (void)unsealed.publish(channel::kTrajectory, encoded(stranger.message(now(), 0)));
+    (void)unsealed.publish(channel::kAnnouncement, packed(stranger.message(now(), 0)));
     (void)unsealed.drain();
   });
 }
@@ -151,7 +151,7 @@ TEST_F(Flooded, ByAPeer) {
   expect_steady_setpoints(20'000, [&] {
     const auto seq = static_cast<std::int32_t>(peer.seq + 1);
     peer.pends(around(seq, now() + 100ms, laborious_m), now());
-    (void)swarm_->publish(channel::kTrajectory, encoded(peer.message(now(), 0)));
+    (void)swarm_->publish(channel::kAnnouncement, packed(peer.message(now(), 0)));
   });
 }
 

@@ -76,9 +76,9 @@ TEST_F(Processes, ForgedAnnouncementsChangeNothing) {
   wait_until_it_flies(program);
   LcmBus bus(swarm_bus_url(base_port()));
   int forged = 0;
-  bus.subscribe(channel::kTrajectory, [&](std::string_view, std::span<const std::uint8_t> bytes) {
+  bus.subscribe(channel::kAnnouncement, [&](std::string_view, std::span<const std::uint8_t> bytes) {
     sogm_swarm::announcement_t message;
-    if (decode(bytes, &message) != Refusal::kNone || message.header.robot_id != 1) return;
+    if (decode_packed(bytes, &message) != Refusal::kNone || message.header.robot_id != 1) return;
     if (message.header.seq >= std::int64_t{1} << 61) return;  // the own ones
     message.header.seq |= std::int64_t{1} << 62;
     if (forged % 3 != 2) message.header.boot = std::numeric_limits<std::int32_t>::max();
@@ -90,9 +90,7 @@ TEST_F(Processes, ForgedAnnouncementsChangeNothing) {
       message.pending = {};
       message.pending_state = sogm_swarm::announcement_t::kNone;
     }
-    std::vector<std::uint8_t> changed;
-    encode(message, &changed);
-    forged += bus.publish(channel::kTrajectory, changed) ? 1 : 0;
+    forged += bus.publish(channel::kAnnouncement, packed(message)) ? 1 : 0;
   });
   const auto end = std::chrono::steady_clock::now() + 90s;
   while (!program.wait(0.002) && std::chrono::steady_clock::now() < end) bus.drain();

@@ -87,7 +87,7 @@ TEST(View, LaptopBesideTheRobotsShowsWhatTheyAnnounce) {
   const auto frame = watcher.until([&](const ViewFrame& seen) {
     announcement.header = make_header(5, 1, ++seq, wall_utime());
     announcement.committed = Trajectory::hover(1, wall_utime(), {3.0, -4.0, 1.5}).to_wire();
-    EXPECT_TRUE(swarm_bus.publish(channel::kTrajectory, encoded(announcement)));
+    EXPECT_TRUE(swarm_bus.publish(channel::kAnnouncement, packed(announcement)));
     return seen.robot(5) != nullptr;
   });
   ASSERT_TRUE(frame);

@@ -102,9 +102,11 @@ void check_plan(const PlanResult& result, const PlanRequest& request, const Plan
   }
   const MotionState start = request.own.at(request.start_utime), first = plan.knot(0),
                     last = plan.knot(plan.num_pieces());
-  ASSERT_EQ(first.position, start.position.cast<float>().cast<double>());
-  ASSERT_EQ(first.velocity, start.velocity.cast<float>().cast<double>());
-  ASSERT_EQ(first.acceleration, start.acceleration.cast<float>().cast<double>());
+  Trajectory begins = plan;
+  begins.set_knot(0, start);
+  ASSERT_EQ(first.position, begins.knot(0).position);
+  ASSERT_EQ(first.velocity, begins.knot(0).velocity);
+  ASSERT_EQ(first.acceleration, begins.knot(0).acceleration);
   ASSERT_EQ(last.velocity, Vector3d::Zero());
   ASSERT_EQ(last.acceleration, Vector3d::Zero());
   for (Utime t = plan.start_utime(); t < plan.end_utime(); t += 1ms) {
@@ -626,7 +628,7 @@ TEST(PlannerTest, SmoothingLowersTheJerkOfTheSearchedPathInsideItsCorridors) {
       const auto piece = static_cast<std::size_t>((t - raw.start_utime()) / raw.piece());
       const Polytope& corridor = result.corridors[piece];
       const Vector3d position = result.trajectory.at(t).position;
-      ASSERT_LE(corridor.violation(position), 2e-6) << (t - raw.start_utime()).count();
+      ASSERT_LE(corridor.violation(position), 1e-4) << (t - raw.start_utime()).count();
       // Off its faces by the margin, or as far as the path is.
       const ControlPoints points =
           quintic_control_points(path.knots[piece], path.knots[piece + 1], to_seconds(raw.piece()));
@@ -634,7 +636,7 @@ TEST(PlannerTest, SmoothingLowersTheJerkOfTheSearchedPathInsideItsCorridors) {
       for (int i = 0; i < corridor.num_faces(); ++i) {
         const double of_path_m = corridor.offsets(i) - (corridor.normals.row(i) * points).maxCoeff();
         const double off_m = corridor.offsets(i) - corridor.normals.row(i).dot(position);
-        ASSERT_GE(off_m, std::min(margin_m, of_path_m) - 2e-6) << (t - raw.start_utime()).count();
+        ASSERT_GE(off_m, std::min(margin_m, of_path_m) - 1e-4) << (t - raw.start_utime()).count();
         closest_m = std::min(closest_m, off_m);
       }
     }

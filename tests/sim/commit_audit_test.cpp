@@ -25,7 +25,7 @@ Bytes announcement(int robot, std::int64_t seq, const Trajectory& committed, con
   message.forced_seq = forced_seq;
   message.num_acks = 2;
   message.acks = {{-1, 0, ack_t::kNone}, {-1, 0, ack_t::kNone}};
-  return encoded(message);
+  return packed(message);
 }
 
 const Trajectory kHover0 = Trajectory::hover(1, kStart, {0, 0, 1}), kHover1 = Trajectory::hover(1, kStart, {2, 0, 1});
@@ -59,11 +59,11 @@ TEST(CommitAudit, FindsWhatMeetsOnceItIsCommitted) {
 TEST(CommitAudit, HoldsRobotsToWhatTheyAreWithoutTheirErrors) {
   const auto hover = [](int robot, std::int64_t seq, double x, float radius) {
     announcement_t message;
-    EXPECT_EQ(decode(announcement(robot, seq, Trajectory::hover(static_cast<std::int32_t>(seq) + 1, kStart, {x, 0, 1})),
+    EXPECT_EQ(decode_packed(announcement(robot, seq, Trajectory::hover(static_cast<std::int32_t>(seq) + 1, kStart, {x, 0, 1})),
                      &message),
               Refusal::kNone);
     message.radius = radius;
-    return encoded(message);
+    return packed(message);
   };
   CommitAudit audit;
   audit.hear(hover(0, 0, 0.0, 0.2f));
@@ -124,10 +124,10 @@ TEST(CommitAudit, ClocksThatAreSetAreMeasured) {
     Trajectory second = later;
     second.shift(apart + set);
     announcement_t message{};
-    if (decode(announcement(1, 0, second), &message) != Refusal::kNone) throw std::runtime_error("not an announcement");
+    if (decode_packed(announcement(1, 0, second), &message) != Refusal::kNone) throw std::runtime_error("not an announcement");
     message.header.utime += set.count();
     audit.collect(announcement(0, 0, first), sent ? std::optional(kStart) : std::nullopt);
-    audit.collect(encoded(message), sent ? std::optional(kStart + *sent) : std::nullopt);
+    audit.collect(packed(message), sent ? std::optional(kStart + *sent) : std::nullopt);
     audit.finish();
     return audit.conflicts().size();
   };
@@ -173,8 +173,8 @@ TEST(CommitAudit, ALogOfAFlightOverABadLinkIsClean) {
 TEST(CommitAudit, ConflictsInALogAreNamed) {
   const TemporaryDirectory directory;
   BusLog logs(directory.path(), {0, 1});
-  logs.write(BusId::kSwarm, 0, kStart, channel::kTrajectory, announcement(0, 0, kHover0));
-  logs.write(BusId::kSwarm, 0, kStart, channel::kTrajectory, announcement(1, 1, flight(kHover1, {0.3, 0, 1})));
+  logs.write(BusId::kSwarm, 0, kStart, channel::kAnnouncement, announcement(0, 0, kHover0));
+  logs.write(BusId::kSwarm, 0, kStart, channel::kAnnouncement, announcement(1, 1, flight(kHover1, {0.3, 0, 1})));
   logs.close();
   const Finished found = run_program({"swarm_sim", "audit", (directory.path() / "swarm.lcm").string()});
   EXPECT_EQ(found.exit_code, 1);

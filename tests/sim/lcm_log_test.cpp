@@ -147,7 +147,7 @@ TEST(LogInfo, TellsWhatALogHolds) {
   ASSERT_GT(announcements, 50);
   expect("robot 0 on OWN_TRAJECTORY: " + std::to_string(announcements) +
          " announcements, 0 missing (0.0 %), 0 restarts");
-  expect("robot 0 on TRAJECTORY: " + std::to_string(announcements) + " announcements");
+  expect("robot 0 on ANNOUNCEMENT: " + std::to_string(announcements) + " announcements");
   expect("robot 1 on PEER_TRAJECTORY: " + std::to_string(heard) + " announcements, ");
   // Sensed 3 ms before it arrives, a map after 6, announced 6 and 1 later, 3 for what may delay that: of a robot that
   // waits for no answers.

@@ -84,7 +84,7 @@ void expect_flyable(const Flight& flight) {
       ASSERT_LE(rows[i].acceleration.cwiseAbs().maxCoeff(), a_max_mps2);
       if (i == 0) continue;
       const Row &a = rows[i - 1], &b = rows[i];
-      ASSERT_LT((b.position - a.position - 0.005 * (a.velocity + b.velocity)).norm(), 5e-5);
+      ASSERT_LT((b.position - a.position - 0.005 * (a.velocity + b.velocity)).norm(), 1.5e-4);  // knots are rounded
       ASSERT_LT((b.velocity - a.velocity - 0.005 * (a.acceleration + b.acceleration)).norm(), 5e-3);
       ASSERT_LT((b.acceleration - a.acceleration).norm(), 2.5);
     }
@@ -216,8 +216,8 @@ TEST(Lockstep, LogsHoldEveryMessageAndWhatWasAnnouncedIsWhatWasFlown) {
   std::map<int, std::vector<Announced>> announced;
   read_log(flight.directory / "swarm.lcm", [&](Utime time, const std::string& channel, auto bytes) {
     announcement_t message;
-    ASSERT_EQ(channel, channel::kTrajectory);
-    ASSERT_EQ(decode(bytes, &message), Refusal::kNone);
+    ASSERT_EQ(channel, channel::kAnnouncement);
+    ASSERT_EQ(decode_packed(bytes, &message), Refusal::kNone);
     Motion motion{Trajectory::from_wire(message.committed), {}};
     if (message.pending_state == announcement_t::kCommitted) motion.next = Trajectory::from_wire(message.pending);
     announced[message.header.robot_id].push_back({time, motion});

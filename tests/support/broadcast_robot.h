@@ -91,7 +91,7 @@ class Robot : public Kept, public Bench<BroadcastNode> {
   }
 
   void send_state() { send(channel::kRobotState, state_at(id_, {0, 0, 1}, next_state_++, now)); }
-  void hear(int other) { send(channel::kTrajectory, peers.at(other).message(now, id_), BusId::kSwarm); }
+  void hear(int other) { send(channel::kAnnouncement, peers.at(other).message(now, id_), BusId::kSwarm); }
   // `other` judges our pending trajectory `seq`.
   void hear_verdict(int other, std::int32_t seq, std::int8_t verdict, std::int32_t boot = kBoot) {
     peers.at(other).about_us = {boot, seq, verdict};
@@ -112,7 +112,7 @@ class Robot : public Kept, public Bench<BroadcastNode> {
   // 50 us later, when it may have announced again.
   announcement_t announced() {
     run_for(50e-6);
-    return out.newest<announcement_t>(channel::kTrajectory, BusId::kSwarm);
+    return out.newest<announcement_t>(channel::kAnnouncement, BusId::kSwarm);
   }
   // Our verdict about robot `other`.
   ack_t verdict_on(int other) { return announced().acks[static_cast<std::size_t>(other)]; }

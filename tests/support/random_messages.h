@@ -86,6 +86,12 @@ inline void make(Random& random, int elements, announcement_t* m) {
     m->acks.push_back(ack);
   }
 }
+// Bytes that say nothing: what is packed is for packed_announcement_test.
+inline void make(Random& random, int elements, packed_announcement_t* m) {
+  m->num_bytes = static_cast<std::int16_t>(std::clamp(elements, 1, kMaxPackedBytes));
+  m->packed.resize(static_cast<std::size_t>(m->num_bytes));
+  for (std::uint8_t& byte : m->packed) byte = static_cast<std::uint8_t>(random());
+}
 inline void make(Random& random, int, broadcast_status_t* m) {
   m->state = static_cast<std::int16_t>(integer(random, 0, 4));
   m->candidates = m->commits = m->forced = m->withdrawn = m->peers_heard = m->lost = integer(random, 0, 1 << 30);
@@ -294,6 +300,8 @@ void each_real(perception_status_t& m, F f) {
 }
 template <class F>
 void each_real(map_request_t&, F) {}
+template <class F>
+void each_real(packed_announcement_t&, F) {}
 template <class F>
 void each_real(goal_t& m, F f) {
   for (waypoint_t& w : m.waypoints) each(f, w.position, w.tolerance, w.speed, w.wait);

@@ -27,7 +27,7 @@ class Picture : public testing::Test {
  protected:
   template <class T>
   Refusal add(const char* channel, const T& message) {
-    return picture_.add(now_, channel, encoded(message));
+    return picture_.add(now_, channel, encoded_for(channel, message));
   }
   const RobotPicture& robot(int id) const { return picture_.robots().at(id); }
 
@@ -53,9 +53,9 @@ TEST_F(Picture, KeepsTheNewestOfEachRobot) {
 TEST_F(Picture, CountsRatesAgesAndWhatIsMissing) {
   for (std::int64_t seq = 1; seq <= 100; ++seq, now_ += 20ms) {
     if (seq % 10 == 0) continue;
-    EXPECT_EQ(add(channel::kTrajectory, announcement(0, seq, now_, {0, 0, 1})), Refusal::kNone);
+    EXPECT_EQ(add(channel::kAnnouncement, announcement(0, seq, now_, {0, 0, 1})), Refusal::kNone);
   }
-  const Traffic& traffic = robot(0).traffic.at(channel::kTrajectory);
+  const Traffic& traffic = robot(0).traffic.at(channel::kAnnouncement);
   EXPECT_NEAR(traffic.rate_hz(now_), 45.0, 1.0);
   EXPECT_EQ(traffic.missing(), 9);  // whether the hundredth was sent is not known yet
   EXPECT_NEAR(traffic.age_s(now_), 0.04, 1e-9);
@@ -63,19 +63,19 @@ TEST_F(Picture, CountsRatesAgesAndWhatIsMissing) {
   EXPECT_FALSE(traffic.is_fresh(now_ + 2s));
   EXPECT_EQ(traffic.rate_hz(now_ + 2s), 0.0);
   // A new start counts anew.
-  EXPECT_EQ(add(channel::kTrajectory, announcement(0, 0, now_, {0, 0, 1}, 2)), Refusal::kNone);
+  EXPECT_EQ(add(channel::kAnnouncement, announcement(0, 0, now_, {0, 0, 1}, 2)), Refusal::kNone);
   EXPECT_EQ(traffic.missing(), 0);
 }
 
 TEST_F(Picture, TakesALogThatIsPlayedAgain) {
   add(channel::kRobotState, state_at(0, {5, 0, 1}, 500, now_));
-  add(channel::kTrajectory, announcement(0, 500, now_, {5, 0, 1}));
+  add(channel::kAnnouncement, announcement(0, 500, now_, {5, 0, 1}));
   now_ += 900ms;
-  add(channel::kTrajectory, announcement(0, 1, kStart, {1, 0, 1}));
+  add(channel::kAnnouncement, announcement(0, 1, kStart, {1, 0, 1}));
   EXPECT_EQ(robot(0).motion.committed.knot(0).position.x(), 5.0) << "late, not again";
   now_ += 600ms;
   add(channel::kRobotState, state_at(0, {1, 0, 1}, 1, now_));
-  add(channel::kTrajectory, announcement(0, 1, now_, {1, 0, 1}));
+  add(channel::kAnnouncement, announcement(0, 1, now_, {1, 0, 1}));
   EXPECT_EQ(robot(0).motion.committed.knot(0).position.x(), 1.0);
   EXPECT_EQ(robot(0).position(now_), Eigen::Vector3d(1, 0, 1));
   // Or from the middle of a playing log to its beginning.
@@ -86,7 +86,7 @@ TEST_F(Picture, TakesALogThatIsPlayedAgain) {
 
 TEST_F(Picture, AnnouncementsCountOnceWhicheverWayTheyCome) {
   const announcement_t message = announcement(2, 7, now_, {1, 2, 3});
-  for (const char* channel : {channel::kTrajectory, channel::kPeerTrajectory, channel::kOwnTrajectory})
+  for (const char* channel : {channel::kAnnouncement, channel::kPeerTrajectory, channel::kOwnTrajectory})
     EXPECT_EQ(add(channel, message), Refusal::kNone);
   EXPECT_EQ(robot(2).announcements.heard(), 1);
   EXPECT_EQ(robot(2).traffic.size(), 3u);
@@ -140,7 +140,7 @@ TEST_F(Picture, SurvivesAnyValidMessage) {
     add(channel::kPlannerStatus, random_messages::make<planner_status_t>(random, i % 40));
     add(channel::kBroadcastStatus, random_messages::make<broadcast_status_t>(random, i % 40));
     add(channel::kMapStatus, random_messages::make<map_status_t>(random, i % 40));
-    add(channel::kTrajectory, random_messages::make<announcement_t>(random, i % 40));
+    add(channel::kAnnouncement, random_messages::make<announcement_t>(random, i % 40));
     add(channel::kSogm, random_messages::make<sogm_t>(random, i % 40));
     add(channel::kSeenSpace, random_messages::make<sogm_t>(random, i % 40));
     add(channel::kDepthImage, random_messages::make<depth_image_t>(random, i % 40));

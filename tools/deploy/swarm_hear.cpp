@@ -12,6 +12,7 @@
 #include "lcmtypes/bus/channels.h"
 #include "lcmtypes/bus/codec.h"
 #include "lcmtypes/bus/option_set.h"
+#include "lcmtypes/bus/packed_announcement.h"
 #include "lcmtypes/bus/realtime_host.h"
 
 namespace swarm {
@@ -26,12 +27,12 @@ struct Heard {
 
 class Listener : public Node {
  public:
-  std::vector<Subscription> subscriptions() const override { return {{BusId::kSwarm, channel::kTrajectory}}; }
+  std::vector<Subscription> subscriptions() const override { return {{BusId::kSwarm, channel::kAnnouncement}}; }
   void on_message(Utime now, BusId, std::string_view, std::span<const std::uint8_t> bytes, Outbox&) override {
     if (bytes.size() < kRobotAt + 2) return;
     Heard& heard = robots[bytes[kRobotAt] << 8 | bytes[kRobotAt + 1]];
     sogm_swarm::announcement_t message;
-    const Refusal refusal = decode(bytes, &message);
+    const Refusal refusal = decode_packed(bytes, &message);
     ++heard.messages[refusal];
     if (refusal == Refusal::kNone)
       heard.least_delay = std::min(heard.least_delay, now - to_utime(message.header.utime));

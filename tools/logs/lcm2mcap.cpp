@@ -64,7 +64,7 @@ class Source {
     LcmLog ahead(path);
     for (LogEvent event; !owner_ && ahead.next(&event);) {
       // Trajectories name their sender, who may be a peer.
-      if (event.channel == channel::kTrajectory || event.channel == channel::kPeerTrajectory) continue;
+      if (event.channel == channel::kAnnouncement || event.channel == channel::kPeerTrajectory) continue;
       (void)visit_message(event.channel, event.bytes,
                           [this](const auto& message) { owner_ = message.header.robot_id; });
     }
@@ -128,7 +128,7 @@ class Converter {
   using Counts = std::map<std::string, std::int64_t>;
 
   static std::string topic_of(const std::string& channel, int robot_id, std::optional<int> owner) {
-    if (channel == channel::kTrajectory) return "/swarm/" + channel;
+    if (channel == channel::kAnnouncement) return "/swarm/" + channel;
     if (channel != channel::kPeerTrajectory) return "/robot" + std::to_string(robot_id) + "/" + channel;
     return (owner ? "/robot" + std::to_string(*owner) : "/onboard") + "/" + channel;
   }

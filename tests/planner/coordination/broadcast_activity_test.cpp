@@ -83,14 +83,14 @@ TEST(BroadcastActivity, TellsOfATwin) {
   robot.run_for(1.0);
   Peer twin{0, Trajectory::hover(1, kStart, {3, 3, 1})};
   twin.boot = kBoot + 1;
-  robot.send(channel::kTrajectory, twin.message(robot.now, 0), BusId::kSwarm);
+  robot.send(channel::kAnnouncement, twin.message(robot.now, 0), BusId::kSwarm);
   EXPECT_EQ(activity_of(robot), "waits: commits nothing: another broadcaster speaks as robot 0");
 }
 
 TEST(BroadcastActivity, TellsWhoseClockIsWrong) {
   Robot robot(0);
   const auto announced_ahead = [&](int other, Duration ahead) {
-    robot.send(channel::kTrajectory, robot.peers.at(other).message(robot.now + ahead, 0), BusId::kSwarm);
+    robot.send(channel::kAnnouncement, robot.peers.at(other).message(robot.now + ahead, 0), BusId::kSwarm);
   };
   robot.run_for(0.1);
   announced_ahead(2, 48ms);

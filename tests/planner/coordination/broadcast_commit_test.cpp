@@ -10,7 +10,7 @@ TEST(BroadcastNode, HolderCommitsAtOnce) {
   robot.out.letters.clear();
   robot.propose(robot.plan({1, 0, 1}));
   EXPECT_EQ(robot.node.protocol().commits(), 1);
-  const auto messages = robot.out.all<announcement_t>(channel::kTrajectory, BusId::kSwarm);
+  const auto messages = robot.out.all<announcement_t>(channel::kAnnouncement, BusId::kSwarm);
   ASSERT_EQ(messages.size(), 1u);
   EXPECT_EQ(messages[0].pending_state, announcement_t::kCommitted);
   EXPECT_EQ(messages[0].pending.seq, 2);
@@ -102,9 +102,9 @@ TEST(BroadcastNode, JudgesAtOnceAndForGood) {
     const std::int32_t seq = peer.pending.seq() + 1;
     peer.pends(quintic_to(from, start, to, 9, 5, seq - 100), robot.now);
     robot.run_for(0.001);
-    const int before = robot.out.count(channel::kTrajectory, BusId::kSwarm);
+    const int before = robot.out.count(channel::kAnnouncement, BusId::kSwarm);
     robot.hear(1);
-    EXPECT_EQ(robot.out.count(channel::kTrajectory, BusId::kSwarm), before + 1);
+    EXPECT_EQ(robot.out.count(channel::kAnnouncement, BusId::kSwarm), before + 1);
     EXPECT_EQ(robot.verdict_on(1).judged_seq, seq);
     EXPECT_EQ(robot.verdict_on(1).peer_boot, peer.boot);
     return robot.verdict_on(1).verdict;

@@ -20,7 +20,7 @@ TEST(BroadcastIdentity, StartsAgainWherePeersKnowALaterStart) {
   const announcement_t said = robot.announced();
   EXPECT_EQ(said.header.boot, kBoot + 10);
   EXPECT_EQ(load_promise(robot.promises, 0, 1).boot, kBoot + 11);
-  robot.send(channel::kTrajectory, said, BusId::kSwarm);  // multicast returns it
+  robot.send(channel::kAnnouncement, said, BusId::kSwarm);  // multicast returns it
   robot.propose(robot.plan({1, 0, 1}));
   EXPECT_EQ(robot.node.rejected(Rejection::kWaiting), 1);
   for (const int id : {1, 2}) {
@@ -57,10 +57,10 @@ TEST(BroadcastIdentity, CommitsNothingBesideATwin) {
   const auto state = [&] { return robot.out.newest<broadcast_status_t>(channel::kBroadcastStatus).state; };
   Peer twin{1, Trajectory::hover(1, kStart, {3, 3, 1})};
   // Neither are the own announcements, which multicast returns, nor what an earlier start sent before this one.
-  for (const auto& own : robot.out.all<announcement_t>(channel::kTrajectory, BusId::kSwarm))
-    robot.send(channel::kTrajectory, own, BusId::kSwarm);
+  for (const auto& own : robot.out.all<announcement_t>(channel::kAnnouncement, BusId::kSwarm))
+    robot.send(channel::kAnnouncement, own, BusId::kSwarm);
   twin.boot = kBoot - 1;
-  robot.send(channel::kTrajectory, twin.message(kStart - 1ms, 1), BusId::kSwarm);
+  robot.send(channel::kAnnouncement, twin.message(kStart - 1ms, 1), BusId::kSwarm);
   robot.run_for(1.0);
   EXPECT_EQ(state(), broadcast_status_t::kFlying);
   for (const std::int32_t boot : {kBoot - 1, kBoot, kBoot + 1}) {  // the same: two clones started at once
@@ -69,7 +69,7 @@ TEST(BroadcastIdentity, CommitsNothingBesideATwin) {
     robot.hear(0), robot.hear(2);
     robot.propose(robot.plan({1, 0, 1}));
     const std::int32_t seq = robot.announced().pending.seq;
-    robot.send(channel::kTrajectory, twin.message(robot.now, 1), BusId::kSwarm);
+    robot.send(channel::kAnnouncement, twin.message(robot.now, 1), BusId::kSwarm);
     const std::int32_t commits = robot.node.protocol().commits(), rejected = robot.node.rejected(Rejection::kTwin);
     robot.hear_verdict(0, seq, ack_t::kAck), robot.hear_verdict(2, seq, ack_t::kAck);
     robot.run_for(1.0);

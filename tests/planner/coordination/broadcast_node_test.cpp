@@ -47,7 +47,7 @@ TEST(BroadcastNode, AnnouncesItsWholeStateSteadilyOnBothBuses) {
     SCOPED_TRACE(to_ms(period));
     robot.out.letters.clear();
     robot.run_for(1.0);
-    const auto swarm = robot.out.all<announcement_t>(channel::kTrajectory, BusId::kSwarm);
+    const auto swarm = robot.out.all<announcement_t>(channel::kAnnouncement, BusId::kSwarm);
     const auto own = robot.out.all<announcement_t>(channel::kOwnTrajectory);
     ASSERT_EQ(swarm.size(), static_cast<std::size_t>(1s / period));
     ASSERT_EQ(own.size(), swarm.size());
@@ -72,7 +72,7 @@ TEST(BroadcastNode, AtRestItAnswersAtOnceWhomItKeepsWaiting) {
     robot.run_for(0.5);
     robot.out.letters.clear();
     Peer& peer = robot.peers.at(asker);
-    const auto says = [&] { return robot.out.count(channel::kTrajectory, BusId::kSwarm); };
+    const auto says = [&] { return robot.out.count(channel::kAnnouncement, BusId::kSwarm); };
     peer.pends(quintic_to(peer.committed.at(kStart), robot.now + 900ms, {9, 0, 1}, 5), robot.now);
     robot.hear(asker);
     robot.run_for(50e-6);
@@ -141,7 +141,7 @@ TEST(BroadcastNode, NewsAreRepeatedSoonAndNeverFasterThanTheSwarmMay) {
   robot.out.letters.clear();
   robot.propose(robot.plan({1, 0, 1}, 0.5));
   robot.run_for(0.21);
-  EXPECT_EQ(robot.out.count(channel::kTrajectory, BusId::kSwarm), 11);  // every 20 ms
+  EXPECT_EQ(robot.out.count(channel::kAnnouncement, BusId::kSwarm), 11);  // every 20 ms
 
   BroadcastConfig config = Robot::make_config(1);
   config.swarm_rate_hz = 100;  // three robots: 30 ms
@@ -151,27 +151,27 @@ TEST(BroadcastNode, NewsAreRepeatedSoonAndNeverFasterThanTheSwarmMay) {
   Peer peer{2, Trajectory::hover(1, kStart, {10, 0, 1})};
   for (int i = 0; i < 300; ++i) {  // a new trajectory every millisecond
     peer.pends(quintic_to(peer.committed.at(kStart), slow.now + 500ms, {9, 0, 1}, 5, 5, i + 1), slow.now);
-    slow.send(channel::kTrajectory, peer.message(slow.now, 1), BusId::kSwarm);
+    slow.send(channel::kAnnouncement, peer.message(slow.now, 1), BusId::kSwarm);
     slow.run_for(0.001);
   }
-  EXPECT_EQ(slow.out.count(channel::kTrajectory, BusId::kSwarm), 12);  // two at once, then every 30 ms
-  EXPECT_GT(slow.out.newest<announcement_t>(channel::kTrajectory, BusId::kSwarm).acks[2].judged_seq, 350);
+  EXPECT_EQ(slow.out.count(channel::kAnnouncement, BusId::kSwarm), 12);  // two at once, then every 30 ms
+  EXPECT_GT(slow.out.newest<announcement_t>(channel::kAnnouncement, BusId::kSwarm).acks[2].judged_seq, 350);
 }
 
-TEST(BroadcastNode, RelaysPeersByteForByteAndNotItself) {
+TEST(BroadcastNode, RelaysPeersAndNotItself) {
   Robot robot(1);
   robot.peers.at(0).pends(quintic_to(robot.peers.at(0).committed.at(kStart), robot.now + 100ms, {10, 3, 1}, 5),
                           to_utime(1));
-  const Bytes bytes = encoded(robot.peers.at(0).message(robot.now, 1));
+  const announcement_t message = robot.peers.at(0).message(robot.now, 1);
   robot.out.letters.clear();
-  robot.deliver(BusId::kSwarm, channel::kTrajectory, bytes);
+  robot.send(channel::kAnnouncement, message, BusId::kSwarm);
   ASSERT_EQ(robot.out.count(channel::kPeerTrajectory), 1);
   const auto relayed = std::find_if(robot.out.letters.begin(), robot.out.letters.end(),
                                     [](const auto& letter) { return letter.channel == channel::kPeerTrajectory; });
   EXPECT_EQ(relayed->bus, BusId::kOnboard);
-  EXPECT_EQ(relayed->bytes, bytes);
+  EXPECT_EQ(relayed->bytes, encoded(message)) << "unpacked, byte for byte";
   robot.run_for(0.1);
-  robot.deliver(BusId::kSwarm, channel::kTrajectory, encoded(robot.announced()));
+  robot.send(channel::kAnnouncement, robot.announced(), BusId::kSwarm);
   EXPECT_EQ(robot.out.count(channel::kPeerTrajectory), 1);
   EXPECT_EQ(robot.node.refused().total(), 0);
 }
@@ -216,9 +216,9 @@ TEST(BroadcastNode, RejectsCandidatesByReason) {
     return bad;
   };
   const Eigen::Vector3d none(0, 0, 0);
-  expect_rejected(robot, Rejection::kDiscontinuous, with_first_knot({0, 1.2e-4, 0}, none, none));
-  expect_rejected(robot, Rejection::kDiscontinuous, with_first_knot(none, {0, 0, 1.2e-3}, none));
-  expect_rejected(robot, Rejection::kDiscontinuous, with_first_knot(none, none, {1.2e-2, 0, 0}));
+  expect_rejected(robot, Rejection::kDiscontinuous, with_first_knot({0, 2e-4, 0}, none, none));
+  expect_rejected(robot, Rejection::kDiscontinuous, with_first_knot(none, {0, 0, 2e-3}, none));
+  expect_rejected(robot, Rejection::kDiscontinuous, with_first_knot(none, none, {2e-2, 0, 0}));
   expect_rejected(robot, Rejection::kLimits, robot.plan({0, 4, 1}, 0.1, 3.0));     // 2.5 m/s, 2.6 m/s^2
   expect_rejected(robot, Rejection::kLimits, robot.plan({0, 0, 1.7}, 0.1, 0.75));  // 1.75 m/s, 7.2 m/s^2
   const Utime soon = robot.now + 100ms;
@@ -274,9 +274,9 @@ TEST(BroadcastNode, RefusalsAreCountedAndChangeNothing) {
     const auto changed = [&](const auto& change) {
       auto copy = message;
       change(copy);
-      return encoded(copy);
+      return encoded_for(channel, copy);
     };
-    Bytes damaged = encoded(message), longer = encoded(message);
+    Bytes damaged = encoded_for(channel, message), longer = encoded_for(channel, message);
     damaged[damaged.size() / 2] ^= 1;
     longer.push_back(0);
     expect_refused(Refusal::kSize, bus, channel, {});
@@ -294,9 +294,9 @@ TEST(BroadcastNode, RefusalsAreCountedAndChangeNothing) {
   announcement_t heard = robot.peers.at(2).message(robot.now, 1);
   heard.pending = Trajectory::hover(50, robot.now + 100ms, {0, 0, 1}).to_wire();
   heard.pending_state = announcement_t::kAnnounced;
-  refuse_each(BusId::kSwarm, channel::kTrajectory, heard);
+  refuse_each(BusId::kSwarm, channel::kAnnouncement, heard);
   heard.header.seq = 0;  // as the one heard already
-  expect_refused(Refusal::kSequence, BusId::kSwarm, channel::kTrajectory, encoded(heard));
+  expect_refused(Refusal::kSequence, BusId::kSwarm, channel::kAnnouncement, packed(heard));
   expect_refused(Refusal::kSequence, BusId::kOnboard, channel::kRobotState,
                  encoded(state_at(1, {5, 5, 5}, 0, robot.now)));
   candidate.trajectory.knots[0][0] = NAN;
@@ -317,12 +317,12 @@ TEST(BroadcastNode, AnnouncementsOfAnotherRosterAreRefused) {
   Robot robot(1);
   announcement_t message = robot.peers.at(0).message(robot.now, 1);
   message.roster_crc ^= 1;
-  robot.send(channel::kTrajectory, message, BusId::kSwarm);
+  robot.send(channel::kAnnouncement, message, BusId::kSwarm);
   message = robot.peers.at(0).message(robot.now, 1);
   message.acks.push_back({-1, 0, ack_t::kNone});
   message.num_acks = 4;
   message.header.seq = std::int64_t{1} << 40;
-  robot.send(channel::kTrajectory, message, BusId::kSwarm);
+  robot.send(channel::kAnnouncement, message, BusId::kSwarm);
   EXPECT_EQ(robot.node.refused()[Refusal::kRobot], 2);
   EXPECT_EQ(robot.out.count(channel::kPeerTrajectory), 2);  // of the start
   robot.hear(0);
@@ -354,7 +354,7 @@ TEST(BroadcastNode, JudgesTheNewestOfAFlood) {
   Utime last_setpoint = robot.now;
   for (int i = 0; i < 20'000; ++i) {  // in a second, a new trajectory each time
     peer.pends(quintic_to(peer.committed.at(kStart), robot.now + 100ms, {20, 1, 1}, 2.0, 5, i + 1), robot.now);
-    robot.node.on_message(robot.now, BusId::kSwarm, channel::kTrajectory, encoded(peer.message(robot.now, 0)),
+    robot.node.on_message(robot.now, BusId::kSwarm, channel::kAnnouncement, packed(peer.message(robot.now, 0)),
                           robot.out);
     if (i % 3 == 0) robot.step();
     const int before = robot.out.count(channel::kSetpoint);
@@ -368,7 +368,7 @@ TEST(BroadcastNode, JudgesTheNewestOfAFlood) {
   EXPECT_NEAR(relayed, 1000 / 1.5, 5);
   EXPECT_EQ(robot.node.lost(), 0);
   EXPECT_EQ(robot.node.refused().total(), 0);
-  robot.send(channel::kTrajectory, other.message(robot.now, 0), BusId::kSwarm);
+  robot.send(channel::kAnnouncement, other.message(robot.now, 0), BusId::kSwarm);
   EXPECT_EQ(robot.out.newest<announcement_t>(channel::kPeerTrajectory).header.robot_id, 2) << "waits for another";
   robot.run_for(0.01);
   EXPECT_EQ(robot.node.protocol().peers().at(1).judged_seq, peer.pending.seq());
@@ -388,7 +388,7 @@ TEST(BroadcastNode, JudgesFewPeersAtOnce) {
     message.roster_crc = static_cast<std::int32_t>(crc32(roster));
     message.num_acks = 10;
     message.acks.assign(10, {-1, 0, ack_t::kNone});
-    robot.node.on_message(robot.now, BusId::kSwarm, channel::kTrajectory, encoded(message), robot.out);
+    robot.node.on_message(robot.now, BusId::kSwarm, channel::kAnnouncement, packed(message), robot.out);
   }
   for (const int relayed : {4, 8, 9}) {
     robot.step();

@@ -168,7 +168,7 @@ class RandomSwarm {
       if (arrival <= (*next)->wake) {
         const Packet packet = packets_.top();
         packets_.pop();
-        robots_[static_cast<std::size_t>(packet.to)]->deliver(BusId::kSwarm, channel::kTrajectory, packet.bytes);
+        robots_[static_cast<std::size_t>(packet.to)]->deliver(BusId::kSwarm, channel::kAnnouncement, packet.bytes);
       } else {
         (*next)->step();
       }

@@ -165,16 +165,20 @@ TEST(MotionsSeparatedTest, APendingNextCounts) {
 // That is given up, and taken for a conflict: judging a motion must not take longer than setpoints can wait.
 TEST(MotionsSeparatedTest, GivesUpWhatIsTooLaborious) {
   constexpr int kPieces = Trajectory::kMaxPieces;
+  constexpr double r = 1000.0;
   Trajectory around(1, kStart, 1s, kPieces);
   for (int k = 0; k <= kPieces; ++k) {
-    const double rate = std::numbers::pi / 10, angle = rate * k;  // half a circle in ten seconds
+    const double rate = 0.1, angle = rate * k;  // at 100 m/s
     const Vector3d out(std::cos(angle), std::sin(angle), 0), along(-out.y(), out.x(), 0);
-    around.set_knot(k, {out, rate * along, -rate * rate * out, Vector3d::Zero()});
+    around.set_knot(k, {r * out, r * rate * along, -r * rate * rate * out, Vector3d::Zero()});
   }
   const Motion hovers{Trajectory::hover(1, kStart, Vector3d::Zero()), {}};
-  EXPECT_TRUE(motions_separated(hovers, {around, {}}, kStart, 1.0 - 1e-2));
-  EXPECT_TRUE(motions_separated(hovers, {around, {}}, kStart, 1.0 - 1e-4));
-  EXPECT_FALSE(motions_separated(hovers, {around, {}}, kStart, 1.0 - 2e-6));
+  double nearest_m = r;
+  for (Utime t = kStart; t < around.end_utime(); t += 1ms)
+    nearest_m = std::min(nearest_m, around.at(t).position.norm());
+  EXPECT_TRUE(motions_separated(hovers, {around, {}}, kStart, (1.0 - 1e-2) * nearest_m));
+  EXPECT_TRUE(motions_separated(hovers, {around, {}}, kStart, (1.0 - 1e-4) * nearest_m));
+  EXPECT_FALSE(motions_separated(hovers, {around, {}}, kStart, nearest_m - 1e-7));
 }
 
 }  // namespace

@@ -37,7 +37,7 @@ void check_path(const SearchResult& result, SearchStatus status, const Scene& sc
   for (double t = 0.0; t < result.num_pieces * tau; t += 0.001) {
     const MotionState state = state_at(result, tau, t);
     ASSERT_LE(state.velocity.cwiseAbs().maxCoeff(), limits.v_max_mps + 1e-8) << "at " << t << " s";
-    ASSERT_TRUE(limits.can_follow(state, 1.0 + 1e-8)) << state << " at " << t << " s";
+    ASSERT_TRUE(limits.can_follow(state, {1.0 + 1e-8})) << state << " at " << t << " s";
   }
   Utime free_until = kNever;
   ASSERT_EQ(result.left_blocked, occupied_at(scene.blocked, problem.start.position, problem.start_utime));

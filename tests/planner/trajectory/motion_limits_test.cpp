@@ -36,7 +36,7 @@ TEST(MotionLimitsTest, ThrustAndTiltDecideWhatCanBePulled) {
     const bool can = thrust.norm() > 3.0 && thrust.norm() < 18.0 && tilt_deg < 35.0;
     if (std::abs(thrust.norm() - 3.0) < 1e-3 || std::abs(thrust.norm() - 18.0) < 1e-3 || std::abs(tilt_deg - 35) < 1e-3)
       continue;
-    EXPECT_EQ(limits.can_follow(accelerating(a), 1.0), can) << a.transpose();
+    EXPECT_EQ(limits.can_follow(accelerating(a), {1.0}), can) << a.transpose();
     (can ? pulled : refused) += 1;
   }
   EXPECT_GT(pulled, 1000);
@@ -55,7 +55,7 @@ TEST(MotionLimitsTest, WhatTheAxesMayDoCanBePulled) {
       const Vector3d a = axis.cwiseProduct(in_cube(rng, 1.0));
       // Of 16 sides the corners lie farthest out.
       if (a.head<2>().norm() * std::cos(M_PI / 16) > limits.tilt_slope() * (9.81 + a.z())) continue;
-      EXPECT_TRUE(limits.can_follow(accelerating(a), 1.0)) << a.transpose();
+      EXPECT_TRUE(limits.can_follow(accelerating(a), {1.0})) << a.transpose();
     }
     const double level = std::sqrt(2.0) * axis.x();  // in any direction, without climbing
     EXPECT_LE(level, std::tan(limits.thrust.tilt_deg * M_PI / 180.0) * 9.81);
