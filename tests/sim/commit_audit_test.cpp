@@ -59,8 +59,9 @@ TEST(CommitAudit, FindsWhatMeetsOnceItIsCommitted) {
 TEST(CommitAudit, HoldsRobotsToWhatTheyAreWithoutTheirErrors) {
   const auto hover = [](int robot, std::int64_t seq, double x, float radius) {
     announcement_t message;
-    EXPECT_EQ(decode_packed(announcement(robot, seq, Trajectory::hover(static_cast<std::int32_t>(seq) + 1, kStart, {x, 0, 1})),
-                     &message),
+    EXPECT_EQ(decode_packed(
+                  announcement(robot, seq, Trajectory::hover(static_cast<std::int32_t>(seq) + 1, kStart, {x, 0, 1})),
+                  &message),
               Refusal::kNone);
     message.radius = radius;
     return packed(message);
@@ -124,7 +125,8 @@ TEST(CommitAudit, ClocksThatAreSetAreMeasured) {
     Trajectory second = later;
     second.shift(apart + set);
     announcement_t message{};
-    if (decode_packed(announcement(1, 0, second), &message) != Refusal::kNone) throw std::runtime_error("not an announcement");
+    if (decode_packed(announcement(1, 0, second), &message) != Refusal::kNone)
+      throw std::runtime_error("not an announcement");
     message.header.utime += set.count();
     audit.collect(announcement(0, 0, first), sent ? std::optional(kStart) : std::nullopt);
     audit.collect(packed(message), sent ? std::optional(kStart + *sent) : std::nullopt);
