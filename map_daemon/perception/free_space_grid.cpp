@@ -41,9 +41,8 @@ Inside clipped(const Eigen::Vector3d& from, const Eigen::Vector3d& way, const Ei
 
 }  // namespace
 
-FreeSpaceGrid::FreeSpaceGrid(double resolution_m, Duration memory, bool doubts)
+FreeSpaceGrid::FreeSpaceGrid(double resolution_m, Duration memory)
     : memory_(memory),
-      doubts_(doubts),
       geometry_{.resolution_m = resolution_m, .size = {kEdge, kEdge, kHeight}},
       columns_(kColumns, unknown()),
       occupied_(kColumns),
@@ -100,7 +99,7 @@ void FreeSpaceGrid::move_to(const Eigen::Vector3d& place) {
     for (std::uint64_t& word : column.certainty) clear(word, 0);
     for (std::size_t bit = 0; bit < 4; ++bit) clear(column.free_scans[bit], blank.free_scans[bit]);
     for (std::uint64_t& word : column.seen_lately) clear(word, 0);
-    clear(column.confirmed, 0);
+    clear(column.occupied, 0);
     clear(column.ever_free, 0);
     clear(column.lasting, 0);
     clear(column.lasting_before, 0);
@@ -216,10 +215,10 @@ void FreeSpaceGrid::mark_moving_in(const Eigen::Vector3i& voxel) {
 }
 
 void FreeSpaceGrid::learn(std::uint64_t free, std::uint64_t passed, std::uint64_t surfaces, std::uint64_t moving,
-                          Column* column) {
+                          bool doubts, Column* column) {
   // Occupied: 3 once, 7 once more, one less each time that rays pass it, also beside surfaces, or what errs once would
   // make walls thicker for good.
-  const std::uint64_t standing = surfaces & ~moving, some = column->occupied();
+  const std::uint64_t standing = surfaces & ~moving, some = column->likely();
   auto& certainty = column->certainty;
   std::uint64_t borrow = passed & ~surfaces & some;
   for (std::uint64_t& bit : certainty) {
@@ -229,7 +228,7 @@ void FreeSpaceGrid::learn(std::uint64_t free, std::uint64_t passed, std::uint64_
   certainty[0] |= standing;
   certainty[1] |= standing;
   certainty[2] |= standing & some;
-  column->confirmed = (column->confirmed | (standing & some)) & column->occupied();
+  column->occupied = (column->occupied | (doubts ? standing & some : standing)) & column->likely();
   // Free: a count that stops at its highest, and starts again below it.
   auto& count = column->free_scans;
   std::uint64_t carry = free & ~(count[0] & count[1] & count[2] & count[3]);
@@ -241,11 +240,11 @@ void FreeSpaceGrid::learn(std::uint64_t free, std::uint64_t passed, std::uint64_
     count[i] = (count[i] & ~surfaces) | again;
   }
   column->ever_free |= count[0] & count[1] & count[2] & count[3];
-  column->lasting &= column->occupied();
+  column->lasting &= column->likely();
   column->seen_lately[0] |= free | surfaces;
 }
 
-void FreeSpaceGrid::finish(Utime utime) {
+void FreeSpaceGrid::finish(Utime utime, bool doubts) {
   forget_old(utime);
   // Surfaces err by a part of a voxel: what is beside them is not free for certain.
   for (const int column : surface_columns_) {
@@ -258,8 +257,8 @@ void FreeSpaceGrid::finish(Utime utime) {
   }
   for (std::size_t i = 0; i < kColumns; ++i) {
     if ((free_[i] | passed_[i] | surfaces_[i]) == 0) continue;
-    learn(free_[i], passed_[i], surfaces_[i], moving_[i], &columns_[i]);
-    occupied_[i] = doubts_ ? columns_[i].confirmed : columns_[i].occupied();
+    learn(free_[i], passed_[i], surfaces_[i], moving_[i], doubts, &columns_[i]);
+    occupied_[i] = columns_[i].occupied;
     seen_[i] = columns_[i].seen();
     free_[i] = passed_[i] = surfaces_[i] = moving_[i] = 0;
   }
@@ -269,9 +268,9 @@ void FreeSpaceGrid::finish(Utime utime) {
 void FreeSpaceGrid::recall(int column, std::uint64_t standing) {
   Column& known = columns_[static_cast<std::size_t>(column)];
   const std::uint64_t word =
-      std::rotl(standing, geometry_.origin.z() & (kHeight - 1)) & ~(known.seen() | known.occupied());
+      std::rotl(standing, geometry_.origin.z() & (kHeight - 1)) & ~(known.seen() | known.likely());
   known.certainty[0] |= word;
-  known.confirmed |= word;
+  known.occupied |= word;
   occupied_[static_cast<std::size_t>(column)] |= word;
   known.lasting |= word;
   known.lasting_before |= word;
@@ -295,7 +294,7 @@ void FreeSpaceGrid::forget_old(Utime utime) {
     for (Column& column : columns_) {
       column.ever_free &= ~(column.lasting & column.lasting_before);
       column.lasting_before = column.lasting;
-      column.lasting = column.occupied();
+      column.lasting = column.likely();
     }
   }
 }

@@ -20,9 +20,8 @@ class FreeSpaceGrid {
   static constexpr int kEdge = 128;   // voxels of the window along x and y
   static constexpr int kHeight = 64;  // and along z: one word a column
 
-  // `memory`: what was not seen for so long is unknown again (up to half as much longer). `doubts`: what a single ray
-  // met is not occupied, for it may err.
-  FreeSpaceGrid(double resolution_m, Duration memory, bool doubts = true);
+  // `memory`: what was not seen for so long is unknown again (up to half as much longer).
+  FreeSpaceGrid(double resolution_m, Duration memory);
 
   // Moves the window so that `place` (W [m]) is in its middle; of what comes into it nothing is known.
   void move_to(const Eigen::Vector3d& place);
@@ -46,7 +45,8 @@ class FreeSpaceGrid {
   // A surface of what moves: it is not kept as occupied.
   void mark_moving(const Eigen::Vector3d& place) { mark_moving_in(geometry_.voxel_of(place)); }
   void mark_moving_in(const Eigen::Vector3i& voxel);
-  void finish(Utime utime);
+  // If it `doubts`, what a single ray met is not occupied until another meets it, for it may err.
+  void finish(Utime utime, bool doubts);
   // What was known to stand in this column, in the order of the window: where nothing else is known it stands, until it
   // is seen free.
   void recall(int column, std::uint64_t standing);
@@ -82,11 +82,11 @@ class FreeSpaceGrid {
   struct Column {
     std::array<std::uint64_t, 3> certainty;   // of being occupied, 0 to 7
     std::array<std::uint64_t, 4> free_scans;  // without a break, counted up to 15
-    std::uint64_t confirmed;                  // occupied, and met again since
+    std::uint64_t occupied;                   // of what is likely, that which was met again or not doubted
     std::uint64_t ever_free, lasting, lasting_before;
     std::array<std::uint64_t, 3> seen_lately;  // in this stretch of time and the two before
 
-    std::uint64_t occupied() const { return certainty[0] | certainty[1] | certainty[2]; }
+    std::uint64_t likely() const { return certainty[0] | certainty[1] | certainty[2]; }
     std::uint64_t seen() const { return seen_lately[0] | seen_lately[1] | seen_lately[2]; }
   };
   // A ray in the window as it lies in memory: places and steps in voxels, fixed point.
@@ -96,7 +96,7 @@ class FreeSpaceGrid {
   };
   static Column unknown();
   // `passed`: by rays, and not only at its rim.
-  static void learn(std::uint64_t free, std::uint64_t passed, std::uint64_t surfaces, std::uint64_t moving,
+  static void learn(std::uint64_t free, std::uint64_t passed, std::uint64_t surfaces, std::uint64_t moving, bool doubts,
                     Column* column);
 
   Walk walk_along(const RangeScan::Ray& ray) const;
@@ -111,7 +111,6 @@ class FreeSpaceGrid {
   void for_each_column_of_ball(const Eigen::Vector3d& place, double radius_m, const Visit& visit) const;
 
   Duration memory_;
-  bool doubts_;
   GridGeometry geometry_;
   bool is_placed_ = false;
   std::vector<Column> columns_;

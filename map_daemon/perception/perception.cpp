@@ -51,7 +51,7 @@ bool moves(const Track& track) {
 Perception::Perception(const PerceptionConfig& config)
     : config_(config),
       static_map_(config.static_map.empty() ? StaticMap() : StaticMap(config.static_map, config.resolution_m, kWall_m)),
-      grid_(config.resolution_m, to_duration(config.memory_s), config.explores),
+      grid_(config.resolution_m, to_duration(config.memory_s)),
       tracker_(config.tracks) {
   expected_.reserve(kUsual);
   pieces_.reserve(kUsual);
@@ -76,12 +76,13 @@ void Perception::update(const RangeScan& scan, std::span<const PeerMask::Ball> r
   tracker_.update(seen_);
   tracker_.forget(scan.utime, 1s);
   mark_moving();
-  grid_.finish(scan.utime);
+  // Where there is a map a LiDAR's rays are taken at their word: thin things are seen in time. A camera's edges err.
+  grid_.finish(scan.utime, config_.explores || scan.is_image);
   draw_seen_space(scan.utime);
 }
 
 void Perception::forget() {
-  grid_ = FreeSpaceGrid(config_.resolution_m, to_duration(config_.memory_s), config_.explores);
+  grid_ = FreeSpaceGrid(config_.resolution_m, to_duration(config_.memory_s));
   tracker_ = Tracker(config_.tracks);
   forms_.clear();
   has_begun_ = false;

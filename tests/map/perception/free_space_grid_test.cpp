@@ -47,7 +47,7 @@ std::vector<std::uint64_t> words_of(const FreeSpaceGrid& grid, GridWord what) {
 
 struct PlainVoxel {
   int certainty = 0, free_scans = 0;
-  bool ever_free = false, confirmed = false;
+  bool ever_free = false, occupied = false;
   int seen_in = 0, not_occupied_in = 0;  // newest stretch of time of which that is true
 };
 
@@ -63,7 +63,7 @@ class PlainGrid {
   void see(const Eigen::Vector3i& voxel, Sight sight) {
     if (is_in_window(voxel - origin_)) sights_[sight].insert(voxel);
   }
-  void finish(Utime utime) {
+  void finish(Utime utime, bool doubts) {
     pass_time(utime);
     for (const Eigen::Vector3i& voxel : sights_[kFree]) {  // also beside surfaces
       const auto known = voxels.find(voxel);
@@ -82,10 +82,10 @@ class PlainGrid {
       if (sights_[kMovingSurface].contains(voxel)) continue;
       PlainVoxel& known = look_at(voxel);
       known.free_scans = 0;
-      known.confirmed |= known.certainty > 0;
+      known.occupied |= !doubts || known.certainty > 0;
       known.certainty = known.certainty > 0 ? 7 : 3;
     }
-    for (auto& [voxel, known] : voxels) known.confirmed &= known.certainty > 0;
+    for (auto& [voxel, known] : voxels) known.occupied &= known.certainty > 0;
     for (auto& seen : sights_) seen.clear();
     note_what_is_not_occupied();
   }
@@ -95,7 +95,7 @@ class PlainGrid {
     if (at != voxels.end() && (is_seen(at->second) || at->second.certainty > 0)) return false;
     PlainVoxel& known = voxels.try_emplace(voxel, PlainVoxel{.seen_in = seen_stretch_ - 3}).first->second;
     known.certainty = 1;
-    known.confirmed = true;
+    known.occupied = true;
     known.not_occupied_in = lasting_stretch_ - 2;
     return true;
   }
@@ -186,8 +186,9 @@ class TwoGrids {
       plain_.see(voxel, sight);
     }
     now_ += uniform_int(rng_, 0, 99) == 0 ? Duration(-5s) : uniform_duration(rng_, 20ms, 400ms);
-    grid_.finish(now_);
-    plain_.finish(now_);
+    const bool doubts = uniform_int(rng_, 0, 2) > 0;
+    grid_.finish(now_, doubts);
+    plain_.finish(now_, doubts);
   }
   // In columns that rays meet, and in others.
   void recall() {
@@ -208,11 +209,11 @@ class TwoGrids {
     }
   }
   void compare() {
-    occupied += expect_same(grid_, &FreeSpaceGrid::occupied, plain_, [](auto& known) { return known.confirmed; });
+    occupied += expect_same(grid_, &FreeSpaceGrid::occupied, plain_, [](auto& known) { return known.occupied; });
     ever_free += expect_same(grid_, &FreeSpaceGrid::ever_free, plain_, [](auto& known) { return known.ever_free; });
     const auto is_seen = [this](auto& known) { return plain_.is_seen(known); };
     forgotten += static_cast<int>(plain_.voxels.size()) - expect_same(grid_, &FreeSpaceGrid::seen, plain_, is_seen);
-    for (const auto& [voxel, known] : plain_.voxels) both += known.confirmed && known.ever_free ? 1 : 0;
+    for (const auto& [voxel, known] : plain_.voxels) both += known.occupied && known.ever_free ? 1 : 0;
   }
 
   int occupied = 0, ever_free = 0, both = 0, forgotten = 0, recalled = 0, known_better = 0;  // voxels, of all scans
@@ -303,7 +304,7 @@ TEST(FreeSpaceGrid, RaysFreeWhatTheyPass) {
   int most = 0, none = 0;
   FreeSpaceGrid grid(0.1, kGridMemory);
   for (int i = 0; i < 600 && !testing::Test::HasFailure(); ++i) {
-    grid.finish(kStart);
+    grid.finish(kStart, true);
     const Eigen::Vector3d middle = in_cube(rng, 50.0);
     grid.move_to(middle);
     const double reach_m = i % 2 == 0 ? 6.0 : 14.0;
@@ -332,7 +333,7 @@ TEST(FreeSpaceGrid, SurfacesKeepTheirNeighboursFromBeingFreed) {
       grid.see_free(middle_of(low), middle_of(low + Eigen::Vector3i(0, 0, 6)));
     }
     grid.see_surface(middle_of(surface));
-    grid.finish(kStart + k * 100ms);
+    grid.finish(kStart + k * 100ms, true);
   }
   for (int i = 0; i < 343; ++i) {
     const Eigen::Vector3i off(i / 49 - 3, i / 7 % 7 - 3, i % 7 - 3);
@@ -351,7 +352,7 @@ TEST(FreeSpaceGrid, NamesColumnsWithSurfacesOnce) {
   ASSERT_EQ(grid.surface_columns(), (std::vector<int>{grid.column_of(3, 8), grid.column_of(120, 0)}));
   EXPECT_EQ(grid.place_of(grid.surface_columns()[0]), Eigen::Vector2i(3, 8));
   EXPECT_EQ(grid.surfaces(grid.column_of(3, 8)), std::uint64_t{1} << 63 | 1u << 5);
-  grid.finish(kStart);
+  grid.finish(kStart, true);
   EXPECT_TRUE(grid.surface_columns().empty());
   EXPECT_EQ(grid.surfaces(grid.column_of(3, 8)), 0u);
 }
@@ -366,7 +367,7 @@ class WatchedVoxel {
       if (sight == kFree) grid_.see_free(place_, place_);
       if (sight >= kSurface) grid_.see_surface(place_);
       if (sight == kMoving) grid_.mark_moving(place_);
-      grid_.finish(now += 100ms);
+      grid_.finish(now += 100ms, true);
     }
   }
   bool is(GridWord what) const { return knows(grid_, what, {3, -5, 7}); }
@@ -412,13 +413,18 @@ TEST(FreeSpaceGrid, WhatIsMetOnceIsNotOccupied) {
   }
 }
 
+// What was not doubted stands, also where a scan that doubts did not meet it since.
 TEST(FreeSpaceGrid, WhoDoesNotDoubtTakesEachRayForASurface) {
   for (const bool doubts : {false, true}) {
-    FreeSpaceGrid grid(kBinary_m, kGridMemory, doubts);
+    FreeSpaceGrid grid(kBinary_m, kGridMemory);
     grid.move_to({0, 0, 0});
     grid.see_surface(middle_of({5, 0, 0}));
-    grid.finish(kStart);
+    grid.finish(kStart, doubts);
     EXPECT_EQ(knows(grid, &FreeSpaceGrid::occupied, {5, 0, 0}), !doubts);
+    grid.see_surface(middle_of({5, 0, 1}));
+    grid.finish(kStart + 100ms, true);
+    EXPECT_EQ(knows(grid, &FreeSpaceGrid::occupied, {5, 0, 0}), !doubts);
+    EXPECT_FALSE(knows(grid, &FreeSpaceGrid::occupied, {5, 0, 1}));
   }
 }
 
@@ -431,7 +437,7 @@ TEST(FreeSpaceGrid, WallsDoNotGrowBySingleErrors) {
     grid.see_free(middle_of({0, 0, 0}), middle_of(beside));
     grid.see_surface(middle_of(wall));
     if (k < 2) grid.see_surface(middle_of(beside));
-    grid.finish(kStart + k * 100ms);
+    grid.finish(kStart + k * 100ms, true);
     EXPECT_EQ(knows(grid, &FreeSpaceGrid::occupied, beside), k >= 1 && k < 8) << k;
     EXPECT_EQ(knows(grid, &FreeSpaceGrid::occupied, wall), k >= 1) << k;
   }
@@ -502,7 +508,7 @@ TEST(FreeSpaceGrid, WhatEntersTheWindowIsUnknown) {
       if (k < 10) full.see_free(low - Eigen::Vector3d(0, 0, 1), low + Eigen::Vector3d(0, 0, 20));
       for (int z = 0; k >= 10 && z < kGridHeight; ++z) full.see_surface(low + z * kBinary_m * Eigen::Vector3d::UnitZ());
     }
-    full.finish(kStart + k * 10ms);
+    full.finish(kStart + k * 10ms, true);
   }
   const int moves[][3] = {{0, 0, 0},   {3, 0, 0},   {-3, 0, 0},   {0, 5, 0},      {0, -1, 0},
                           {0, 0, 7},   {0, 0, -7},  {2, -3, 4},   {-127, 127, 0}, {0, 0, 63},

@@ -116,6 +116,23 @@ TEST(Perception, KnowsWithinHalfASecondHowFastAColumnMoves) {
   }
 }
 
+// A LiDAR's at their first sight, a camera's at their second: its edges err.
+TEST(Perception, WhereThereIsAMapSurfacesOfALidarStandAtOnce) {
+  for (const bool is_lidar : {true, false}) {
+    PerceptionConfig knowing;
+    knowing.explores = false;
+    Looking looking(knowing);
+    const Column column{{2.0, 0.0}, 0.25};
+    for (const bool again : {false, true}) {
+      if (is_lidar)
+        looking.look({column});
+      else
+        looking.look_ahead({column}, kSensor, Eigen::Vector3d::Zero());
+      EXPECT_EQ(looking.stands({1.75, 0.05, 1.05}), is_lidar || again);
+    }
+  }
+}
+
 // Who was tracked before it moved far enough to be told of comes with a velocity; from then on with positions. Another
 // who walks before it always hides one of its sides.
 TEST(Perception, TheFirstReportTellsHowFast) {
