@@ -124,6 +124,9 @@ void declare(OptionSet& options, MapConfig& config) {
   options.add("unknown-near", &config.unknown_near_m, 0.1, 100, "m", "what is so near to the robot is near");
   options.add("unknown-beside", &config.unknown_beside_m, 0, 1, "m",
               "so near beside what was seen free it is free, too");
+  options.add(
+      "explores", &config.explores,
+      "more may stand than the static map holds: beside what was seen free, but not above or below it, it is free");
   options.add("state-timeout", &config.state_timeout_s, 0.01, 60, "s", "no maps with an older robot state");
   options.add("clock-limit", &config.clock_limit_s, 0.001, 10, "s", "messages from further in the future are refused");
 }
@@ -331,7 +334,11 @@ void MapNode::build(Utime now) {
 // What was not seen, and is not just beside what was, may be anything. What lies outside of what can be seen was not.
 void MapNode::add_unknown(const Eigen::Vector3d& center) {
   complement(seen_, 1, &seen_free_);
-  spread_sideways(seen_free_, config_.unknown_beside_m, &beside_);
+  if (config_.explores) {
+    spread_sideways(seen_free_, config_.unknown_beside_m, &beside_);
+  } else {
+    dilate(seen_free_, config_.unknown_beside_m, &beside_);
+  }
   known_.reset(sogm_.geometry, 1, sogm_.start_utime, sogm_.frame_duration);
   add_first_frame(beside_, &known_);
   const bool only_near = config_.unknown == "near";

@@ -41,6 +41,7 @@ struct MapConfig {
   std::string unknown = "near";    // what SEEN_SPACE does not know: free, near (occupied, where it is near) or occupied
   double unknown_near_m = 1.5;     // so near to the robot
   double unknown_beside_m = 0.25;  // so near beside what was seen free it is free, too
+  bool explores = true;            // more may stand than the static map holds: above and below that nothing is free
   double state_timeout_s = 0.5;    // no maps with an older robot state
   double clock_limit_s = 0.1;      // messages from further in the future are refused
 

@@ -184,6 +184,12 @@ Duration Planner::static_heuristic_age(const PlanRequest& request) const {
   return (reachable_.center - request.goal).norm() < kAtGoal_m ? kAtGoalAge : kStaticHeuristicAge;
 }
 
+Occupancy Planner::compose_standing(const std::vector<Peer>& peers) {
+  const Occupancy standing = space_.compose_standing(peers);
+  space_.add_known(guidance_.standing());
+  return standing;
+}
+
 void Planner::renew_static_heuristic(const PlanRequest& request) {
   const Eigen::AlignedBox3d space(config_.limits.space_min, config_.limits.space_max);
   const Occupancy standing = space_.compose_standing(*request.peers);
@@ -191,6 +197,7 @@ void Planner::renew_static_heuristic(const PlanRequest& request) {
     guidance_.reconsider(reachable_.center);
     guidance_.update(*request.sogm, *standing.sogm, space_.seen(), request.goal, space_.way_m());
   }
+  space_.add_known(guidance_.standing());
   const Guidance* guidance = request.is_aside ? nullptr : &guidance_;
   static_heuristic_.build(standing, space_.way_m(), request.goal, space, guidance);
   if (static_heuristic_.is_cut_off()) {  // by peers that hover in the way: they may go on
@@ -231,7 +238,7 @@ std::optional<Eigen::Vector3d> Planner::place_ahead(const PlanRequest& request) 
   const bool stands = request.own.end_utime() <= request.start_utime && path_.settled && !result_.fly;
   if (!local_minimum_.leads(request.start_utime, request.goal, *way_m, stands, v_max_mps(request))) return {};
   if (!voxel_ways_key_.serves(request, kStaticHeuristicAge)) {
-    voxel_ways_.build(space_.compose_standing(*request.peers), space_.way_m(), request.goal,
+    voxel_ways_.build(compose_standing(*request.peers), space_.way_m(), request.goal,
                       {config_.limits.space_min, config_.limits.space_max}, &guidance_,
                       StaticHeuristic::Detail::kVoxels);
     voxel_ways_key_ = cache_key(request);
@@ -254,7 +261,7 @@ std::optional<StaticHeuristic::Refuge> Planner::refuge(const PlanRequest& reques
   const Eigen::Vector3d from = other + std::max(1.0, closed_m / distance_m) * (place - other);
   compose(request);
   voxel_ways_key_ = {};
-  voxel_ways_.build_within(space_.compose_standing({standing}), space_.way_m(), from, space);
+  voxel_ways_.build_within(compose_standing({standing}), space_.way_m(), from, space);
   return voxel_ways_.refuge(space, other, apart_m);
 }
 

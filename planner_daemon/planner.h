@@ -121,6 +121,8 @@ class Planner {
 
   void compose(const PlanRequest& request);
   Duration static_heuristic_age(const PlanRequest& request) const;  // so long it serves
+  // And what is known to stand where it is not seen.
+  Occupancy compose_standing(const std::vector<Peer>& peers);
   void renew_static_heuristic(const PlanRequest& request);
   SearchStatus search(const PlanRequest& request);
   // Where a robot in a local minimum goes next: along the way past all that stands still, as far as it sees. None: it

@@ -39,6 +39,8 @@ class GlobalMap {
   bool in_flight_space(const Eigen::Vector3i& voxel) const {
     return in_flight_space(0, voxel.x()) && in_flight_space(1, voxel.y()) && in_flight_space(2, voxel.z());
   }
+  // What stands: one frame; none before the first see().
+  const Sogm& occupied() const { return occupied_; }
   // Where the robot's centre may not be, or beyond the flight space: one frame. Bits above the grid are set.
   const Sogm& blocked() const { return blocked_; }
 

@@ -118,6 +118,13 @@ Occupancy ConfigurationSpace::compose_standing(const std::vector<Peer>& peers) {
   return {&standing_, &standing_peers_};
 }
 
+void ConfigurationSpace::add_known(const Sogm& known) {
+  if (sees_all_) return;
+  known_.reset(standing_.geometry, 1, standing_.start_utime, standing_.frame_duration);
+  add_first_frame(known, &known_);
+  for (std::size_t i = 0; i < known_.words.size(); ++i) standing_.words[i] |= known_.words[i] & ~seen_.words[i];
+}
+
 template <class WorkOut>
 void ConfigurationSpace::for_each_new_box(int first_frame, int last_frame, const Columns& columns, Rounds* rounds,
                                           const WorkOut& work_out) {

@@ -51,6 +51,8 @@ class ConfigurationSpace {
   // What stands still in every frame, peers that hover among it, in the whole window: one frame. Valid until the next
   // call.
   Occupancy compose_standing(const std::vector<Peer>& peers);
+  // Adds to it what of `known`, one frame of any geometry, is not seen: ways lead around it all the same.
+  void add_known(const Sogm& known);
   // What of the window is seen: one frame; null: all.
   const Sogm* seen() const { return sees_all_ ? nullptr : &seen_; }
 
@@ -135,6 +137,7 @@ class ConfigurationSpace {
   Sogm standing_;
   bool sees_all_ = true;
   Sogm seen_there_, seen_;  // in its own window, and in that of the map
+  Sogm known_;              // of add_known(), in the window of the map
   Sogm certain_;            // what is occupied and was seen
   Occupancy certain_occupancy_;
   std::uint32_t certain_round_ = 0;

@@ -33,7 +33,8 @@ MapConfig map_config(const World& world, const WorldRobot& robot, const FlightOp
   config.static_map = known_map(world);
   config.v_max_mps = limits_of(world, robot).v_max_mps;
   config.a_max_mps2 = limits_of(world, robot).stopping_mps2();
-  if (world.sensor.is_ranging()) config.perception = true;
+  config.perception = config.perception || world.sensor.is_ranging();
+  config.explores = world.sensor.known_map == "none";
   return config;
 }
 

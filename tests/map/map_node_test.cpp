@@ -242,6 +242,22 @@ TEST(MapNode, UnknownSpaceIsOccupiedWhereItIsNear) {
   }
 }
 
+// Who knows all that stands may sink to where nobody looked.
+TEST(MapNode, WhoKnowsTheBuildingTakesWhatIsBelowSeenSpaceForFree) {
+  for (const bool explores : {true, false}) {
+    MapConfig config = seeing("near");
+    config.explores = explores;
+    Fixture f(config);
+    SeenSpace seen(f.now);
+    seen.set(1, {-6.4, -6.4, -2.0}, {6.3, 6.3, 0.75});  // nothing was seen below
+    f.send_state({0, 0, 1});
+    seen.send(&f);
+    EXPECT_EQ(f.occupied(0.0, {0.85, 0.05, 0.65}), explores);
+    EXPECT_TRUE(f.occupied(0.0, {0.85, 0.05, 0.35}));
+    EXPECT_FALSE(f.occupied(0.0, {0.85, 0.05, 0.95}));
+  }
+}
+
 TEST(MapNode, JustBesideWhatWasSeenItIsFree) {
   Fixture f(seeing("near"));
   SeenSpace seen(f.now);

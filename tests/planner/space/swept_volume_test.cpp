@@ -191,7 +191,7 @@ TEST(SweptVolumeTest, KeepsToTheBounds) {
   const std::vector<Columns> bounds = {Columns{{8, 9}, {15, 10}}, Columns{}};
   MotionState slow;  // up, for what rests is drawn once for all frames
   slow.position = {1.0, 1.0, 1.0};
-  slow.velocity.z() = 1e-6;
+  slow.velocity.z() = 1e-3;
   Trajectory rising(1, kStart, 1s, 1);
   rising.set_knot(0, slow);
   slow.velocity.setZero();
