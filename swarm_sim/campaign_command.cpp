@@ -10,12 +10,12 @@
 #include <cstdio>
 #include <iostream>
 #include <set>
-#include <thread>
 
 #include "lcmtypes/bus/atomic_file.h"
 #include "lcmtypes/bus/node_clock.h"
 #include "lcmtypes/bus/text.h"
 #include "swarm_sim/campaign/campaign.h"
+#include "swarm_sim/campaign/usable_cores.h"
 #include "swarm_sim/results/csv.h"
 #include "swarm_sim/world/world_generator.h"
 #include "swarm_sim/world/world_list.h"
@@ -40,7 +40,8 @@ void declare(OptionSet& set, CampaignOptions& options) {
   set.add("worlds", &options.worlds,
           "flies these worlds instead: JSON lines, FILE.jsonl or FILE.jsonl.gz, or a directory of world files");
   set.add("shard", &options.shard, "i/n: only every n-th trial, from the i-th on (1 <= i <= n)");
-  set.add("jobs", &options.jobs, 0, 1024, "", "flights at a time; 0: as many as there are cores");
+  set.add("jobs", &options.jobs, 0, 1024, "",
+          "flights at a time; 0: as many as it may use cores, also by Slurm's count");
   set.add("out", &options.out, "results (CSV); trials it already holds are skipped");
   declare(set, options.fleet);
   declare(set, options.flight);
@@ -152,12 +153,11 @@ int campaign_command(int argc, const char* const* argv) try {
   if (options.out.empty()) throw OptionError("out: a file for the results must be given");
   (void)flight_options(options.flight);
   const std::vector<Trial> trials = shard_of(all_trials(options), options.shard);
+  const int jobs = options.jobs > 0 ? options.jobs : usable_cores();
   ResultsFile results(options.out);
   check_same_options(trials, options.flight, results);
   const auto done = static_cast<std::size_t>(
       std::ranges::count_if(trials, [&](const Trial& trial) { return results.holds(trial.name); }));
-  const int jobs =
-      options.jobs > 0 ? options.jobs : static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
   std::cerr << "campaign: " << trials.size() << " trials, " << done << " of them already in " << options.out << ", "
             << jobs << " at a time\n";
   spdlog::set_level(spdlog::level::err);  // what single robots tell is told by their flights' rows

@@ -1,11 +1,14 @@
 // Campaigns: rows, resuming, shards, lists of worlds; and a small fixed campaign whose success rate is held.
 #include "swarm_sim/campaign/campaign.h"
 
+#include <sched.h>
 #include <zlib.h>
 
+#include <cstdlib>
 #include <random>
 #include <set>
 
+#include "swarm_sim/campaign/usable_cores.h"
 #include "swarm_sim/results/csv.h"
 #include "swarm_sim/world/world_generator.h"
 #include "swarm_sim/world/world_json.h"
@@ -129,6 +132,60 @@ TEST_F(Campaign, ShardsCoverAllTrialsOnceAndMerge) {
   EXPECT_EQ(refused.exit_code, 2);
   EXPECT_NE(refused.err.find("outcome 'timeout' must be 'success'"), std::string::npos) << refused.err;
   EXPECT_FALSE(fs::exists(directory_ / "no.csv"));
+}
+
+// This thread's cores are again what they were when this ends, and Slurm says nothing before and after.
+class Cores : public testing::Test {
+ protected:
+  Cores() {
+    ::sched_getaffinity(0, sizeof mask_, &mask_);
+    set("SLURM_CPUS_PER_TASK", nullptr), set("SLURM_CPUS_ON_NODE", nullptr);
+  }
+  ~Cores() override {
+    ::sched_setaffinity(0, sizeof mask_, &mask_);
+    set("SLURM_CPUS_PER_TASK", nullptr), set("SLURM_CPUS_ON_NODE", nullptr);
+  }
+  static void set(const char* variable, const char* text) {
+    text == nullptr ? ::unsetenv(variable) : ::setenv(variable, text, 1);
+  }
+  cpu_set_t mask_{};
+};
+
+TEST_F(Cores, AreThoseThatItMayRunOn) {
+  EXPECT_EQ(usable_cores(), CPU_COUNT(&mask_));
+  cpu_set_t one{};
+  for (std::size_t i = 0; CPU_COUNT(&one) == 0; ++i) {
+    if (CPU_ISSET(i, &mask_)) CPU_SET(i, &one);
+  }
+  ASSERT_EQ(::sched_setaffinity(0, sizeof one, &one), 0);
+  EXPECT_EQ(usable_cores(), 1);
+  set("SLURM_CPUS_PER_TASK", "8");  // what is granted twice over does not run faster
+  EXPECT_EQ(usable_cores(), 1);
+}
+
+TEST_F(Cores, AreNoMoreThanSlurmGives) {
+  const int all = CPU_COUNT(&mask_);
+  set("SLURM_CPUS_ON_NODE", "1");
+  EXPECT_EQ(usable_cores(), 1);
+  set("SLURM_CPUS_PER_TASK", std::to_string(all).c_str());  // a task is told apart from its job
+  EXPECT_EQ(usable_cores(), all);
+  for (const char* text : {"", "0", "-1", "two", "1.5"}) {
+    set("SLURM_CPUS_PER_TASK", text);
+    try {
+      (void)usable_cores();
+      ADD_FAILURE() << "'" << text << "' was taken";
+    } catch (const std::runtime_error& error) {
+      EXPECT_EQ(error.what(), "SLURM_CPUS_PER_TASK: '" + std::string(text) + "' must be a number from 1 on");
+    }
+  }
+}
+
+TEST_F(Campaign, FliesAsManyAtATimeAsSlurmGivesCores) {
+  ::setenv("SLURM_CPUS_ON_NODE", "1", 1);
+  const Finished flown = run({"--out", out_});
+  ::unsetenv("SLURM_CPUS_ON_NODE");
+  EXPECT_EQ(flown.exit_code, 0) << flown.err;
+  EXPECT_NE(flown.err.find(", 1 at a time\n"), std::string::npos) << flown.err;
 }
 
 TEST_F(Campaign, FliesTheWorldFilesOfADirectory) {
