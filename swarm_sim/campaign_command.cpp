@@ -154,7 +154,10 @@ int campaign_command(int argc, const char* const* argv) try {
   (void)flight_options(options.flight);
   const std::vector<Trial> trials = shard_of(all_trials(options), options.shard);
   const int jobs = options.jobs > 0 ? options.jobs : usable_cores();
-  ResultsFile results(options.out);
+  ResultsFile results(options.out, [&](std::size_t rows) {
+    std::cerr << "campaign: another campaign is writing " << options.out << " (rows so far: " << rows
+              << "); waiting until it ends\n";
+  });
   check_same_options(trials, options.flight, results);
   const auto done = static_cast<std::size_t>(
       std::ranges::count_if(trials, [&](const Trial& trial) { return results.holds(trial.name); }));

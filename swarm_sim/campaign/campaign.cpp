@@ -5,12 +5,14 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <fstream>
 #include <iterator>
 #include <map>
 #include <mutex>
 #include <optional>
 #include <stdexcept>
+#include <string_view>
 #include <system_error>
 #include <thread>
 
@@ -58,6 +60,25 @@ std::vector<TrialRow> parse_rows(const std::string& text, const std::filesystem:
   return rows;
 }
 
+void lock_results(int descriptor, const std::filesystem::path& path, const std::function<void(std::size_t)>& waits) {
+  if (::flock(descriptor, LOCK_EX | LOCK_NB) == 0) return;
+  if (errno == EWOULDBLOCK) {
+    std::size_t torn = 0;
+    waits(parse_rows(read_text(path), path, &torn).size());
+    if (::flock(descriptor, LOCK_EX) == 0) return;
+  }
+  throw std::runtime_error(path.string() + ": cannot be locked: " + std::generic_category().message(errno));
+}
+
+// All at once, as far as there is room.
+void append_text(int descriptor, std::string_view text, const std::filesystem::path& path) {
+  while (!text.empty()) {
+    const ssize_t written = ::write(descriptor, text.data(), text.size());
+    if (written < 0) fail_to_write(path);
+    text.remove_prefix(static_cast<std::size_t>(written));
+  }
+}
+
 // cross-mixed-9-3 before cross-mixed-10-1: runs of digits compare as numbers.
 bool natural_less(const std::string& a, const std::string& b) {
   const auto digit = [](char c) { return c >= '0' && c <= '9'; };
@@ -95,23 +116,19 @@ std::string percent(int part, int whole) {
 
 }  // namespace
 
-ResultsFile::ResultsFile(std::filesystem::path path) : path_(std::move(path)) {
+ResultsFile::ResultsFile(std::filesystem::path path, const std::function<void(std::size_t)>& waits)
+    : path_(std::move(path)) {
   descriptor_ = ::open(path_.c_str(), O_RDWR | O_CREAT | O_APPEND | O_CLOEXEC, 0644);
   if (descriptor_ < 0) fail_to_write(path_);
   try {
-    if (::flock(descriptor_, LOCK_EX | LOCK_NB) != 0)
-      throw std::runtime_error(path_.string() + ": another campaign is writing it");
+    lock_results(descriptor_, path_, waits);
     const std::string text = read_text(path_);
     std::size_t torn = 0;
     rows_ = parse_rows(text, path_, &torn);
     if (torn == text.size() && torn > 0 && csv_line(trial_columns()).compare(0, torn, text) != 0)
       throw std::runtime_error(path_.string() + ": line 1: must be the columns of this program's results");
     if (torn > 0 && ::ftruncate(descriptor_, static_cast<off_t>(text.size() - torn)) != 0) fail_to_write(path_);
-    if (torn == text.size()) {
-      const std::string header = csv_line(trial_columns()) + "\n";
-      if (::write(descriptor_, header.data(), header.size()) != static_cast<ssize_t>(header.size()))
-        fail_to_write(path_);
-    }
+    if (torn == text.size()) append_text(descriptor_, csv_line(trial_columns()) + "\n", path_);
   } catch (...) {
     ::close(descriptor_);
     throw;
@@ -127,8 +144,7 @@ bool ResultsFile::holds(const std::string& trial) const {
 }
 
 void ResultsFile::append(const TrialRow& row) {
-  const std::string line = csv_line(row) + "\n";
-  if (::write(descriptor_, line.data(), line.size()) != static_cast<ssize_t>(line.size())) fail_to_write(path_);
+  append_text(descriptor_, csv_line(row) + "\n", path_);
   rows_.push_back(row);
 }
 

@@ -15,9 +15,12 @@ namespace swarm {
 // The results of a campaign on disk. A row is appended whole, so that a campaign that was stopped goes on where it was.
 class ResultsFile {
  public:
-  // Opens for appending, or makes the file with its header. A torn last line is dropped. Throws std::runtime_error
+  // Opens for appending, or makes the file with its header. While another one has it open, also in another process or
+  // on another computer of a shared folder, calls `waits` once, with how many rows there are, and waits. A torn last
+  // line is dropped. Throws std::runtime_error with path and reason where the file cannot be written or locked, and
   // with path, line and reason on anything that is no result of this program version.
-  explicit ResultsFile(std::filesystem::path path);
+  explicit ResultsFile(
+      std::filesystem::path path, const std::function<void(std::size_t)>& waits = [](std::size_t) {});
   ~ResultsFile();
   ResultsFile(const ResultsFile&) = delete;
   ResultsFile& operator=(const ResultsFile&) = delete;

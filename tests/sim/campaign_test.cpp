@@ -1,9 +1,16 @@
 // Campaigns: rows, resuming, shards, lists of worlds; and a small fixed campaign whose success rate is held.
 #include "swarm_sim/campaign/campaign.h"
 
+#include <linux/filter.h>
+#include <linux/seccomp.h>
 #include <sched.h>
+#include <sys/resource.h>
+#include <sys/syscall.h>
 #include <zlib.h>
 
+#include <array>
+#include <csignal>
+#include <cstddef>
 #include <cstdlib>
 #include <random>
 #include <set>
@@ -132,6 +139,97 @@ TEST_F(Campaign, ShardsCoverAllTrialsOnceAndMerge) {
   EXPECT_EQ(refused.exit_code, 2);
   EXPECT_NE(refused.err.find("outcome 'timeout' must be 'success'"), std::string::npos) << refused.err;
   EXPECT_FALSE(fs::exists(directory_ / "no.csv"));
+}
+
+// Slurm takes a computer for lost, starts its shard elsewhere, and the process lives.
+TEST_F(Campaign, WaitsForTheOneThatWritesAndGoesOnWhenThatIsKilled) {
+  std::string worlds;
+  for (int seed = 1; seed <= 30; ++seed) worlds += one_line(small_world(seed)) + "\n";
+  write_text(list_, worlds);
+  const Cells command = {"swarm_sim", "campaign", "--worlds", list_, "--out", out_, "--jobs", "1"};
+  const auto rows_there = [&] {
+    const std::string text = fs::exists(out_) ? read_text(out_) : "";
+    return std::max<std::ptrdiff_t>(std::ranges::count(text, '\n') - 1, 0);
+  };
+  Program lost(command);
+  ASSERT_TRUE(wait_for(20 * kPatience, [&] { return rows_there() > 0; })) << lost.err();
+  lost.signal(SIGSTOP);
+  std::this_thread::sleep_for(50ms);  // a signal to another process takes effect soon
+  const auto flown = rows_there();
+  ASSERT_LT(flown, 30);
+  Program second(command);
+  const std::string said = "campaign: another campaign is writing " + out_.string() +
+                           " (rows so far: " + std::to_string(flown) + "); waiting until it ends\n";
+  ASSERT_TRUE(wait_for(10 * kPatience, [&] { return second.err() == said; })) << second.err();
+  EXPECT_FALSE(second.wait(0.5)) << second.err();
+  EXPECT_EQ(second.err(), said) << "is said once";
+  std::ofstream(out_, std::ios::app) << "small.jsonl:" << flown + 1 << ",circle,pu";  // killed amid a row
+  lost.signal(SIGKILL);
+  ASSERT_EQ(second.wait(60 * kPatience), 0) << second.err();
+  EXPECT_NE(second.err().find("30 trials, " + std::to_string(flown) + " of them already"), std::string::npos)
+      << second.err();
+  EXPECT_EQ(trials(out_).size(), 30u);
+}
+
+TEST_F(Campaign, WhoWaitsCanBeEnded) {
+  const ResultsFile held(out_);
+  Program waiting({"swarm_sim", "campaign", "--worlds", list_, "--out", out_});
+  ASSERT_TRUE(wait_for(10 * kPatience, [&] { return !waiting.err().empty(); }));
+  waiting.signal(SIGTERM);
+  EXPECT_EQ(waiting.wait(5 * kPatience), -SIGTERM) << waiting.err();
+}
+
+// A file system without locks.
+TEST_F(Campaign, ALockThatCannotBeHadIsNamed) {
+  if (::prctl(PR_GET_SECCOMP) < 0) GTEST_SKIP() << "needs seccomp";
+  const auto open_without_locks = [&] {
+    std::array<sock_filter, 4> rules = {{BPF_STMT(BPF_LD | BPF_W | BPF_ABS, offsetof(seccomp_data, nr)),
+                                         BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, SYS_flock, 0, 1),
+                                         BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_ERRNO | ENOLCK),
+                                         BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_ALLOW)}};
+    const sock_fprog program = {.len = rules.size(), .filter = rules.data()};
+    ::prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0);
+    ::prctl(PR_SET_SECCOMP, SECCOMP_MODE_FILTER, &program);
+    try {
+      const ResultsFile results(out_);
+    } catch (const std::runtime_error& error) {
+      std::cerr << error.what();
+      ::_exit(2);
+    }
+    ::_exit(0);
+  };
+  EXPECT_EXIT(open_without_locks(), testing::ExitedWithCode(2),
+              "^" + out_.string() + ": cannot be locked: No locks available$");
+}
+
+TEST_F(Campaign, ARowForWhichThereIsNoRoomIsNamedAndFlownAgain) {
+  ASSERT_EQ(run({"--out", out_}).exit_code, 0);
+  const auto rows = read_results(out_);
+  const fs::path full = directory_ / "full.csv";
+  {
+    ResultsFile results(full);
+    results.append(rows[0]);
+    const auto size = fs::file_size(full);
+    rlimit limit{};
+    ::getrlimit(RLIMIT_FSIZE, &limit);
+    const rlimit lower = {.rlim_cur = size + 10, .rlim_max = limit.rlim_max};
+    const auto handler = std::signal(SIGXFSZ, SIG_IGN);
+    ::setrlimit(RLIMIT_FSIZE, &lower);
+    std::string error;
+    try {
+      results.append(rows[1]);
+    } catch (const std::runtime_error& thrown) {
+      error = thrown.what();
+    }
+    ::setrlimit(RLIMIT_FSIZE, &limit);
+    std::signal(SIGXFSZ, handler);
+    EXPECT_EQ(error, full.string() + ": cannot be written: File too large");
+    EXPECT_EQ(fs::file_size(full), size + 10);
+  }
+  ResultsFile results(full);
+  EXPECT_EQ(results.rows(), std::vector<TrialRow>{rows[0]});
+  results.append(rows[1]);
+  EXPECT_EQ(read_results(full), (std::vector<TrialRow>{rows[0], rows[1]}));
 }
 
 // This thread's cores are again what they were when this ends, and Slurm says nothing before and after.
