@@ -9,6 +9,7 @@
 #include <csignal>
 #include <cstdio>
 #include <iostream>
+#include <optional>
 #include <set>
 
 #include "lcmtypes/bus/atomic_file.h"
@@ -187,10 +188,12 @@ int campaign_command(int argc, const char* const* argv) try {
 
 int merge_command(int argc, const char* const* argv) try {
   constexpr const char* kUsage =
-      "Usage: swarm_sim merge RESULTS... -o FILE\n"
-      "Joins the results of a campaign's shards, in the order of the trials, each once; prints the table.\n";
+      "Usage: swarm_sim merge RESULTS... -o FILE [--expect N]\n"
+      "Joins the results of a campaign's shards, in the order of the trials, each once; prints the table.\n"
+      "  --expect N  joins nothing unless there are N trials in all; says which files hold fewer than their share\n";
   std::vector<std::filesystem::path> paths;
   std::string out;
+  std::optional<std::size_t> expected;
   for (int i = 1; i < argc; ++i) {
     const std::string argument = argv[i];
     if (argument == "--help" || argument == "-h") {
@@ -204,6 +207,12 @@ int merge_command(int argc, const char* const* argv) try {
     if (argument == "-o" || argument == "--out") {
       if (++i == argc) throw OptionError(argument + ": needs a file");
       out = argv[i];
+    } else if (argument == "--expect") {
+      const std::string number = ++i < argc ? argv[i] : "";
+      int trials = 0;
+      if (!read_amount(number, &trials) || trials < 1)
+        throw OptionError("expect: '" + number + "' must be a number of trials from 1 on");
+      expected = static_cast<std::size_t>(trials);
     } else if (argument.size() > 1 && argument[0] == '-') {
       throw OptionError("unknown option '" + argument + "' (see --help)");
     } else {
@@ -211,7 +220,7 @@ int merge_command(int argc, const char* const* argv) try {
     }
   }
   if (paths.empty() || out.empty()) throw OptionError("RESULTS and -o FILE must be given (see --help)");
-  const std::vector<TrialRow> rows = merge_results(paths);
+  const std::vector<TrialRow> rows = merge_results(paths, expected);
   std::string text = csv_line(trial_columns()) + "\n";
   for (const TrialRow& row : rows) text += csv_line(row) + "\n";
   write_file(out, text);

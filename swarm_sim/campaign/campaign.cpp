@@ -155,10 +155,18 @@ std::vector<TrialRow> read_results(const std::filesystem::path& path) {
   return rows;
 }
 
-std::vector<TrialRow> merge_results(const std::vector<std::filesystem::path>& paths) {
+std::vector<TrialRow> merge_results(const std::vector<std::filesystem::path>& paths,
+                                    std::optional<std::size_t> expected) {
+  const std::size_t share = expected.value_or(0) / std::max<std::size_t>(paths.size(), 1);
+  std::string too_few;
   std::map<std::string, TrialRow, decltype(&natural_less)> rows(&natural_less);
   for (const std::filesystem::path& path : paths) {
-    for (TrialRow& row : read_results(path)) {
+    const std::vector<TrialRow> part = read_results(path);
+    if (part.size() < share) {
+      too_few += too_few.empty() ? "; fewer than " + std::to_string(share) + " of them are in " : ", ";
+      too_few += path.string() + " (" + std::to_string(part.size()) + ")";
+    }
+    for (const TrialRow& row : part) {
       const std::string name = cell(row, "trial");
       const auto [known, is_new] = rows.try_emplace(name, row);
       if (is_new) continue;
@@ -169,6 +177,10 @@ std::vector<TrialRow> merge_results(const std::vector<std::filesystem::path>& pa
         }
       }
     }
+  }
+  if (expected && rows.size() != *expected) {
+    throw std::runtime_error("expect: " + std::to_string(rows.size()) + " trials are there; must be " +
+                             std::to_string(*expected) + too_few);
   }
   std::vector<TrialRow> merged;
   merged.reserve(rows.size());

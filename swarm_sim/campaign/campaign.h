@@ -5,6 +5,7 @@
 
 #include <filesystem>
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -39,8 +40,10 @@ class ResultsFile {
 std::vector<TrialRow> read_results(const std::filesystem::path& path);
 
 // All rows of several files in the order of the trials' names, each trial once. Throws std::runtime_error when two
-// files disagree about what came of a trial.
-std::vector<TrialRow> merge_results(const std::vector<std::filesystem::path>& paths);
+// files disagree about what came of a trial, and when there are not as many trials as `expected`, naming the files that
+// hold fewer than an equal share of them.
+std::vector<TrialRow> merge_results(const std::vector<std::filesystem::path>& paths,
+                                    std::optional<std::size_t> expected = std::nullopt);
 
 // Flies the trials that `results` does not hold with `jobs` threads. `ended` is called after every row, by one thread
 // at a time. When `keep_on` says false, flights under way are dropped and it returns false. Throws what a flight

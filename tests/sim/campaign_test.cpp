@@ -141,6 +141,27 @@ TEST_F(Campaign, ShardsCoverAllTrialsOnceAndMerge) {
   EXPECT_FALSE(fs::exists(directory_ / "no.csv"));
 }
 
+TEST_F(Campaign, MergeSaysWhichPartsLackTrials) {
+  const fs::path a = directory_ / "a.csv", b = directory_ / "b.csv";
+  ASSERT_EQ(run({"--shard", "1/2", "--out", a}).exit_code, 0);
+  ASSERT_EQ(run({"--shard", "2/2", "--out", b}).exit_code, 0);
+  const auto merge = [&](const std::string& expected) {
+    return run_program({"swarm_sim", "merge", a, b, "-o", out_, "--expect", expected});
+  };
+  const auto refused = [&](const std::string& expected, const std::string& text) {
+    const Finished finished = merge(expected);
+    EXPECT_EQ(finished.exit_code, 2);
+    EXPECT_NE(finished.err.find(text), std::string::npos) << finished.err;
+    EXPECT_FALSE(fs::exists(out_));
+  };
+  refused("4", "expect: 3 trials are there; must be 4; fewer than 2 of them are in " + b.string() + " (1)\n");
+  refused("2", "expect: 3 trials are there; must be 2\n");
+  for (const char* number : {"", "0", "-3", "3x", "2.5"})
+    refused(number, "expect: '" + std::string(number) + "' must be a number of trials from 1 on\n");
+  EXPECT_EQ(merge("3").exit_code, 0);
+  EXPECT_EQ(trials(out_).size(), 3u);
+}
+
 // Slurm takes a computer for lost, starts its shard elsewhere, and the process lives.
 TEST_F(Campaign, WaitsForTheOneThatWritesAndGoesOnWhenThatIsKilled) {
   std::string worlds;
