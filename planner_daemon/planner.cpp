@@ -186,7 +186,7 @@ Duration Planner::static_heuristic_age(const PlanRequest& request) const {
 
 Occupancy Planner::compose_standing(const std::vector<Peer>& peers) {
   const Occupancy standing = space_.compose_standing(peers);
-  space_.add_known(guidance_.standing());
+  space_.add_known(guidance_.known());
   return standing;
 }
 
@@ -197,7 +197,7 @@ void Planner::renew_static_heuristic(const PlanRequest& request) {
     guidance_.reconsider(reachable_.center);
     guidance_.update(*request.sogm, *standing.sogm, space_.seen(), request.goal, space_.way_m());
   }
-  space_.add_known(guidance_.standing());
+  space_.add_known(guidance_.known());
   const Guidance* guidance = request.is_aside ? nullptr : &guidance_;
   static_heuristic_.build(standing, space_.way_m(), request.goal, space, guidance);
   if (static_heuristic_.is_cut_off()) {  // by peers that hover in the way: they may go on

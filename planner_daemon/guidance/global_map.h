@@ -39,8 +39,9 @@ class GlobalMap {
   bool in_flight_space(const Eigen::Vector3i& voxel) const {
     return in_flight_space(0, voxel.x()) && in_flight_space(1, voxel.y()) && in_flight_space(2, voxel.z());
   }
-  // What stands: one frame; none before the first see().
-  const Sogm& occupied() const { return occupied_; }
+  // What stands in a building that is known: by the file, and by what was seen since. Null: there is no file, or
+  // nothing was seen yet.
+  const Sogm* known() const { return file_ ? &occupied_ : nullptr; }
   // Where the robot's centre may not be, or beyond the flight space: one frame. Bits above the grid are set.
   const Sogm& blocked() const { return blocked_; }
 

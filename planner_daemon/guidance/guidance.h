@@ -29,8 +29,8 @@ class Guidance {
   // A little of what is to do.
   void work();
 
-  // All that is known to stand still: one frame; none before the first update().
-  const Sogm& standing() const { return map_.occupied(); }
+  // What stands in a building that is known, see GlobalMap::known().
+  const Sogm* known() const { return map_.known(); }
   // Nothing stands between anywhere and the goal, or nothing is known: the way is straight.
   bool empty() const { return empty_; }
   // No way leads from `place` to the goal, by all that is known to stand still: the goal lies in it, beyond the flight

@@ -118,10 +118,10 @@ Occupancy ConfigurationSpace::compose_standing(const std::vector<Peer>& peers) {
   return {&standing_, &standing_peers_};
 }
 
-void ConfigurationSpace::add_known(const Sogm& known) {
-  if (sees_all_) return;
+void ConfigurationSpace::add_known(const Sogm* known) {
+  if (sees_all_ || known == nullptr) return;
   known_.reset(standing_.geometry, 1, standing_.start_utime, standing_.frame_duration);
-  add_first_frame(known, &known_);
+  add_first_frame(*known, &known_);
   for (std::size_t i = 0; i < known_.words.size(); ++i) standing_.words[i] |= known_.words[i] & ~seen_.words[i];
 }
 

@@ -51,8 +51,8 @@ class ConfigurationSpace {
   // What stands still in every frame, peers that hover among it, in the whole window: one frame. Valid until the next
   // call.
   Occupancy compose_standing(const std::vector<Peer>& peers);
-  // Adds to it what of `known`, one frame of any geometry, is not seen: ways lead around it all the same.
-  void add_known(const Sogm& known);
+  // Adds to it what of `known`, one frame of any geometry, is not seen. Null: nothing.
+  void add_known(const Sogm* known);
   // What of the window is seen: one frame; null: all.
   const Sogm* seen() const { return sees_all_ ? nullptr : &seen_; }
 

@@ -8,6 +8,7 @@
 #include "lcmtypes/bus/portable_math.h"
 #include "lcmtypes/bus/text.h"
 #include "swarm_sim/world/random.h"
+#include "swarm_sim/world/walkers.h"
 
 namespace swarm {
 namespace {
@@ -265,6 +266,10 @@ void declare(OptionSet& options, Fleet& fleet) {
   options.add("jerk", &fleet.limits.j_max_mps3, 0, 1e5, "m/s^3", "limit of every robot, per axis; 0: none");
   declare_thrust(options, fleet.limits);
   options.add("space", &fleet.space_m, 1, 1000, "m", "edges of the space of the task random");
+  options.add("people", &fleet.people,
+              "hall: who walks along it, besides: the columns that follow tracks in this world file, or in one of "
+              "several FILE,..., "
+              "each seed another");
   options.add("obstacle-acceleration", &fleet.obstacle_acceleration_mps2, 0, kMaxObstacleAcceleration_mps2, "m/s^2",
               "of every obstacle, at any time: it goes round a circle in 4 s on top of its uniform motion");
 }
@@ -282,6 +287,7 @@ std::string command_line(const Fleet& fleet) {
                        {"thrust-max", text_of(f.limits.thrust.most_mps2)},
                        {"tilt-max", text_of(f.limits.thrust.tilt_deg)},
                        {"space", text_of(f.space_m.x()) + "," + text_of(f.space_m.y()) + "," + text_of(f.space_m.z())},
+                       {"people", f.people},
                        {"obstacle-acceleration", text_of(f.obstacle_acceleration_mps2)}};
   };
   return given_options(values(fleet), values({}));
@@ -298,6 +304,7 @@ World make_world(Task task, Environment environment, int obstacles, std::uint64_
   if (fleet.robots != 0 && (fleet.robots < 2 || fleet.robots > kMaxRobots))
     throw WorldError("robots: " + std::to_string(fleet.robots) + " must be in [2, " + std::to_string(kMaxRobots) + "]");
   if (task != Task::kCircle && fleet.circle_m != 0.0) throw WorldError("radius: only the task circle has a radius");
+  if (task != Task::kHall && !fleet.people.empty()) throw WorldError("people: only the task hall has people");
   try {
     verify(fleet.limits);
   } catch (const OptionError& error) {
@@ -321,6 +328,11 @@ World make_world(Task task, Environment environment, int obstacles, std::uint64_
       obstacle = draw();
     }
     world.obstacles.push_back(std::move(obstacle));
+  }
+  if (!fleet.people.empty()) {
+    const std::vector<std::string> files = split(fleet.people, ',');
+    for (WorldObstacle& walker : walkers_in(files[seed % files.size()], within_walls(middle_of_hall(), 0.0)))
+      world.obstacles.push_back(std::move(walker));
   }
   check_world(world);
   return world;

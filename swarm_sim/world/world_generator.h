@@ -27,6 +27,7 @@ struct Fleet {
   double robot_m = 0.2;                         // radius of each robot
   MotionLimits limits = {};                     // of each robot
   Eigen::Vector3d space_m = {12.0, 12.0, 4.0};  // edges of the random task's space
+  std::string people = {};                      // world files, comma-separated: who walks along the hall; one, by seed
   double obstacle_acceleration_mps2 = 0.0;      // of every obstacle: [0, kMaxObstacleAcceleration_mps2]
 };
 
@@ -35,12 +36,12 @@ void declare(OptionSet& options, Fleet& fleet);
 std::string command_line(const Fleet& fleet);
 
 // The hall is 24 x 8 x 3 m, with three rooms of 8 x 5 m along each side, whose doors of 1.2 to 1.6 m have places of
-// their own in each world; obstacles move inside the hall or inside a room, off the walls however they sway. Elsewhere
-// there are no walls. Obstacles start anywhere in obstacle_bounds but not within 0.7 m of a robot's start (surface to
-// surface); space and bounds grow with the circle. The same arguments give the same world on every machine: values are
-// drawn in multiples of 1 um, um/s, urad; the acceleration of obstacles changes nothing else outside the hall.
-// `obstacles` in [0, 500], 0 in the empty environment. Throws WorldError, also when no place is found for an obstacle
-// or a robot.
+// their own in each world; obstacles move inside the hall or inside a room, off the walls however they sway; people
+// (walkers.h) walk along the hall. Elsewhere there are no walls. Obstacles start anywhere in obstacle_bounds but not
+// within 0.7 m of a robot's start (surface to surface); space and bounds grow with the circle. The same arguments give
+// the same world on every machine: values are drawn in multiples of 1 um, um/s, urad; the acceleration of obstacles
+// changes nothing else outside the hall. `obstacles` in [0, 500], 0 in the empty environment. Throws WorldError, also
+// when no place is found for an obstacle or a robot.
 World make_world(Task task, Environment environment, int obstacles, std::uint64_t seed, const Fleet& fleet = {});
 
 }  // namespace swarm

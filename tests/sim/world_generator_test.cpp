@@ -10,6 +10,7 @@
 #include <numbers>
 #include <random>
 
+#include "lcmtypes/bus/atomic_file.h"
 #include "lcmtypes/bus/text.h"
 #include "swarm_sim/world/occupied_cubes.h"
 #include "swarm_sim/world/walls.h"
@@ -104,6 +105,72 @@ struct Uniformity {
     EXPECT_NEAR(sum / count, 0.5 * (low + high), 4 * sigma) << what;
   }
 };
+
+// A column that goes from place to place, one each second.
+WorldObstacle walker(double from_s, const std::vector<Eigen::Vector2d>& places) {
+  WorldObstacle column;
+  column.shape.kind = Shape::Kind::kColumn;
+  column.shape.size = {0.5, 1.8, 0.0};
+  column.center = {places[0].x(), places[0].y(), 0.9};
+  for (std::size_t i = 0; i < places.size(); ++i) column.track.push_back({from_s + static_cast<double>(i), places[i]});
+  return column;
+}
+
+TEST(Generator, PeopleWalkAlongTheHall) {
+  TemporaryDirectory directory;
+  World recorded;
+  recorded.name = "recorded";
+  recorded.space = {{-20, -20, 0}, {20, 20, 3}};
+  recorded.limits = {};
+  recorded.robots = {WorldRobot{}};
+  recorded.obstacles = {walker(3.0, {{5, -14}, {5, -11}, {5, 0}, {4, 11}, {4, 14}}),  // all along, beyond both ends
+                        walker(0.2, {{3, 2}, {3, -9}, {3, -13}}),     // from its midst, but from the beginning
+                        walker(0.0, {{2, 3}, {2, -2}, {-9, -3}}),     // out through a wall
+                        walker(4.0, {{4, 5}, {4, -3}}),               // comes into being in its midst
+                        walker(1.0, {{4, -11}, {4, -13}, {4, -11}}),  // comes back
+                        WorldObstacle{}};
+  recorded.obstacles.back().shape = recorded.obstacles[0].shape;
+  recorded.obstacles.back().center = {9, 9, 0.9};  // stands
+  const fs::path first = directory.path() / "first.json", second = directory.path() / "second.json";
+  write_file(first.string(), to_json_text(recorded, directory.path()));
+  recorded.obstacles.erase(recorded.obstacles.begin());
+  write_file(second.string(), to_json_text(recorded, directory.path()));
+
+  Fleet fleet;
+  fleet.people = first.string() + "," + second.string();
+  const World world = make_world(Task::kHall, Environment::kPure, 3, 8, fleet);
+  ASSERT_EQ(world.obstacles.size(), 5u);
+  EXPECT_EQ(make_world(Task::kHall, Environment::kPure, 3, 9, fleet).obstacles.size(), 4u);
+  EXPECT_NE(command_line(fleet).find("--people"), std::string::npos);
+  const WorldObstacle &along = world.obstacles[3], &begun = world.obstacles[4];
+  ASSERT_EQ(along.track.size(), 3u);
+  EXPECT_EQ(along.track[0].t_s, 4.0);
+  EXPECT_EQ(along.track[0].position.x(), -11.0);
+  EXPECT_EQ(along.track[2].position.x(), 11.0);
+  EXPECT_EQ(along.track[2].position.y(), along.track[0].position.y() + 1.0) << "turned, not mirrored";
+  EXPECT_EQ(along.center, Eigen::Vector3d(-11.0, along.track[0].position.y(), 0.9));
+  ASSERT_EQ(begun.track.size(), 2u) << "ends where the hall does";
+  EXPECT_EQ(begun.track[0].position.x(), 2.0);
+}
+
+TEST(Generator, RefusesPeopleElsewhereAndFilesWithoutAny) {
+  TemporaryDirectory directory;
+  World recorded;
+  recorded.name = "nobody";
+  recorded.space = {{-20, -20, 0}, {20, 20, 3}};
+  recorded.robots = {WorldRobot{}};
+  const fs::path nobody = directory.path() / "nobody.json";
+  write_file(nobody.string(), to_json_text(recorded, directory.path()));
+  Fleet fleet;
+  fleet.people = nobody.string();
+  EXPECT_THROW(make_world(Task::kCross, Environment::kEmpty, 0, 1, fleet), WorldError);
+  try {
+    make_world(Task::kHall, Environment::kEmpty, 0, 1, fleet);
+    ADD_FAILURE() << "nobody walks";
+  } catch (const WorldError& error) {
+    EXPECT_NE(std::string(error.what()).find("nobody.json: holds nobody who walks"), std::string::npos) << error.what();
+  }
+}
 
 // Rooms with a door each; robots go from room to room; what moves stays off the walls.
 TEST(Generator, HallHasRoomsWithDoors) {

@@ -251,7 +251,9 @@ TEST_F(ConfigurationSpaceTest, WhatWasNotSeenIsNotKnownToStand) {
     Sogm known = empty_map({8, 8, 4}, 0.1, 1, kStart, 100ms);
     mark_box(&known, {-1.3, 1, -9}, {1.3, 1.3, 9});
     mark_box(&known, {1, -1.3, -9}, {1.3, -1, 9});
-    space.add_known(known);
+    space.add_known(nullptr);
+    EXPECT_EQ(standing.occupied(0, standing.geometry.voxel_of(unseen)), !tells);
+    space.add_known(&known);
     EXPECT_TRUE(standing.occupied(0, standing.geometry.voxel_of(unseen)));
     EXPECT_EQ(standing.occupied(0, standing.geometry.voxel_of({1.15, -1.15, 0})), tells);
     EXPECT_FALSE(standing.occupied(0, standing.geometry.voxel_of({-0.5, 1.15, 0})));
