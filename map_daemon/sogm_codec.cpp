@@ -7,6 +7,8 @@
 #include <tuple>
 #include <utility>
 
+#include "lcmtypes/bus/wide.h"
+
 namespace swarm {
 
 using sogm_swarm::sogm_t;
@@ -17,16 +19,16 @@ class ChangeMemory {
  public:
   void clear() { by_next_.fill(0), by_previous_.fill(0), newest_.fill(0); }
 
-  // The word in turn, and the next in it, as they were in the frame before; the previous one as it is now.
-  void look(std::uint64_t before, std::uint64_t next_before, std::uint64_t previous_now) {
-    next_guess_ = &by_next_[slot<kGuessBits>(before, next_before)];
-    previous_guess_ = &by_previous_[slot<kGuessBits>(before, previous_now)];
+  // Where a word is guessed.
+  struct Guesses {
+    std::uint64_t *next, *previous;
+  };
+  // Of the word in turn and the next one, as they were in the frame before, and the previous one as it is now.
+  Guesses look(std::uint64_t before, std::uint64_t next_before, std::uint64_t previous_now) {
+    return {&by_next_[slot<kGuessBits>(before, next_before)], &by_previous_[slot<kGuessBits>(before, previous_now)]};
   }
-  std::uint64_t next_guess() const { return *next_guess_; }
-  std::uint64_t previous_guess() const { return *previous_guess_; }
-  std::uint64_t newest(std::size_t index) const { return newest_[index]; }
+  std::uint64_t& newest(std::size_t index) { return newest_[index]; }
   static std::size_t index_of(std::uint64_t change) { return slot<kNewestBits>(change, 0); }
-  void learn(std::uint64_t change) { *next_guess_ = *previous_guess_ = newest_[index_of(change)] = change; }
 
  private:
   static constexpr int kGuessBits = 12, kNewestBits = 8;
@@ -38,7 +40,6 @@ class ChangeMemory {
 
   std::array<std::uint64_t, 1 << kGuessBits> by_next_{}, by_previous_{};
   std::array<std::uint64_t, 1 << kNewestBits> newest_{};
-  std::uint64_t *next_guess_ = by_next_.data(), *previous_guess_ = by_previous_.data();
 };
 
 static_assert(std::endian::native == std::endian::little, "the wire's words are little-endian");
@@ -63,12 +64,31 @@ std::uint64_t word_of(std::uint64_t edges) {
   return edges;
 }
 
-std::uint8_t* put_change(std::uint64_t change, std::size_t gap, const ChangeMemory& memory, std::uint8_t* out) {
+constexpr std::size_t kBlock = 64;  // words, of which mostly none has changed
+
+constexpr auto kBit = [] {
+  std::array<std::uint64_t, kBlock> bits{};
+  for (std::size_t i = 0; i < kBlock; ++i) bits[i] = std::uint64_t{1} << i;
+  return bits;
+}();
+
+// Which of at most that many words have changed, a bit each.
+SWARM_WIDE std::uint64_t changes_in(const std::uint64_t* words, const std::uint64_t* before, std::size_t n) {
+  std::uint64_t changed = 0;
+  for (std::size_t i = 0; i < n; ++i) changed |= words[i] != before[i] ? kBit[i] : 0;
+  return changed;
+}
+
+// And learns it.
+std::uint8_t* put_change(std::uint64_t change, std::size_t gap, ChangeMemory::Guesses guesses, ChangeMemory* memory,
+                         std::uint8_t* out) {
   const std::size_t index = ChangeMemory::index_of(change);
-  const Change kind = memory.next_guess() == change       ? Change::kNextGuess
-                      : memory.previous_guess() == change ? Change::kPreviousGuess
-                      : memory.newest(index) == change    ? Change::kNewest
-                                                          : Change::kNew;
+  std::uint64_t& newest = memory->newest(index);
+  // Reckoned, as a processor cannot foresee which it is: the first that fits.
+  const unsigned fits_none = *guesses.next != change, nor_previous = *guesses.previous != change,
+                 nor_newest = newest != change;
+  const auto kind = static_cast<Change>(fits_none * (1 + nor_previous * (1 + nor_newest)));
+  *guesses.next = *guesses.previous = newest = change;
   *out++ = static_cast<std::uint8_t>(static_cast<std::size_t>(kind) << 6 | std::min(gap, kLongGap));
   if (gap >= kLongGap) {
     for (gap -= kLongGap; gap >= 128; gap >>= 7) *out++ = static_cast<std::uint8_t>(gap | 128);
@@ -76,15 +96,15 @@ std::uint8_t* put_change(std::uint64_t change, std::size_t gap, const ChangeMemo
   }
   if (kind == Change::kNewest) *out++ = static_cast<std::uint8_t>(index);
   if (kind != Change::kNew) return out;
+  std::uint8_t* const first = out;
   std::uint64_t edges = edges_of(change);
-  if (std::popcount(edges) > kMaxEdges) {
-    *out++ = kWholeWord;
-    std::memcpy(out, &change, kWordBytes);
-    return out + kWordBytes;
-  }
-  for (; edges != 0; edges &= edges - 1) *out++ = static_cast<std::uint8_t>(std::countr_zero(edges));
+  for (; edges != 0 && out < first + kMaxEdges; edges &= edges - 1)
+    *out++ = static_cast<std::uint8_t>(std::countr_zero(edges));
   out[-1] |= kLastEdge;
-  return out;
+  if (edges == 0) return out;
+  *first = kWholeWord;
+  std::memcpy(first + 1, &change, kWordBytes);
+  return first + 1 + kWordBytes;
 }
 
 // Reads at most kMaxTokenBytes; 0 is no change that anybody sends.
@@ -97,10 +117,10 @@ std::size_t take_gap(const std::uint8_t*& in) {
   }
   return gap;
 }
-std::uint64_t take_change(Change kind, const ChangeMemory& memory, const std::uint8_t*& in) {
-  if (kind == Change::kNextGuess) return memory.next_guess();
-  if (kind == Change::kPreviousGuess) return memory.previous_guess();
-  if (kind == Change::kNewest) return memory.newest(*in++);
+std::uint64_t take_change(Change kind, ChangeMemory::Guesses guesses, ChangeMemory* memory, const std::uint8_t*& in) {
+  if (kind == Change::kNextGuess) return *guesses.next;
+  if (kind == Change::kPreviousGuess) return *guesses.previous;
+  if (kind == Change::kNewest) return memory->newest(*in++);
   std::uint64_t word = 0;
   if (*in == kWholeWord) {
     std::memcpy(&word, in + 1, kWordBytes);
@@ -142,36 +162,25 @@ SogmEncoder::~SogmEncoder() = default;
 // False when they take more bytes than can be sent.
 bool SogmEncoder::pack(const Sogm& sogm) {
   const auto n = static_cast<std::size_t>(sogm.geometry.words_per_frame());
-  zeros_.assign(n, 0);
+  zeros_.resize(n);
   memory_->clear();
-  std::size_t changes = 0, gap = 0;
+  std::size_t changes = 0, unchanged_from = 0;  // in the whole map
   packed_size_ = kCountBytes;
-  constexpr std::size_t kBlock = 8;  // words, of which mostly none has changed
   for (std::size_t begin = 0; begin < sogm.words.size(); begin += n) {
     const std::uint64_t* words = sogm.words.data() + begin;
     const std::uint64_t* before = begin == 0 ? zeros_.data() : words - n;
     for (std::size_t block = 0; block < n; block += kBlock) {
-      const std::size_t end = std::min(block + kBlock, n);
-      std::uint64_t any = 0;
-      for (std::size_t i = block; i < end; ++i) any |= words[i] ^ before[i];
-      if (any == 0) {
-        gap += end - block;
-        continue;
-      }
+      std::uint64_t changed = changes_in(words + block, before + block, std::min(kBlock, n - block));
+      if (changed == 0) continue;
       if (packed_size_ > kMostPackedBytes) return false;
       if (packed_.size() < packed_size_ + kBlock * kMaxTokenBytes)
         packed_.resize(2 * packed_.size() + kBlock * kMaxTokenBytes);
       std::uint8_t* out = packed_.data() + packed_size_;
-      for (std::size_t i = block; i < end; ++i) {
-        const std::uint64_t change = words[i] ^ before[i];
-        if (change == 0) {
-          ++gap;
-          continue;
-        }
-        memory_->look(before[i], i + 1 < n ? before[i + 1] : 0, i > 0 ? words[i - 1] : 0);
-        out = put_change(change, gap, *memory_, out);
-        memory_->learn(change);
-        gap = 0;
+      for (; changed != 0; changed &= changed - 1) {
+        const std::size_t i = block + static_cast<std::size_t>(std::countr_zero(changed));
+        const auto guesses = memory_->look(before[i], i + 1 < n ? before[i + 1] : 0, i > 0 ? words[i - 1] : 0);
+        out = put_change(words[i] ^ before[i], begin + i - unchanged_from, guesses, memory_.get(), out);
+        unchanged_from = begin + i + 1;
         ++changes;
       }
       packed_size_ = static_cast<std::size_t>(out - packed_.data());
@@ -273,6 +282,10 @@ Refusal SogmAssembler::unpack() {
     std::copy_n(words - n, n, words);
     frame_end += n;
   };
+  const int tail = geometry.size.z() % 64;
+  const std::uint64_t above = tail == 0 ? 0 : ~std::uint64_t{0} << tail;  // the window, in the highest word of a column
+  const auto words_per_column = static_cast<std::size_t>(geometry.words_per_column());
+  bool is_above = false;
   memory_->clear();
   for (std::size_t i = 0; changes > 0; --changes, ++i) {
     if (in >= end) return Refusal::kInconsistent;
@@ -281,22 +294,17 @@ Refusal SogmAssembler::unpack() {
     if (i >= num_words) return Refusal::kInconsistent;
     while (i >= frame_end) begin_frame();
     std::uint64_t* word = map_.words.data() + i;
-    memory_->look(*word, i + 1 < frame_end ? word[1] : 0, i > frame_end - n ? word[-1] : 0);
-    const std::uint64_t change = take_change(kind, *memory_, in);
+    const auto guesses = memory_->look(*word, i + 1 < frame_end ? word[1] : 0, i > frame_end - n ? word[-1] : 0);
+    const std::uint64_t change = take_change(kind, guesses, memory_.get(), in);
     if (change == 0) return Refusal::kInconsistent;
+    if ((change & above) != 0) is_above |= (i + 1) % words_per_column == 0;
     *word ^= change;
-    memory_->learn(change);
+    *guesses.next = *guesses.previous = memory_->newest(ChangeMemory::index_of(change)) = change;
   }
   if (in != end) return Refusal::kInconsistent;
   while (frame_end < num_words) begin_frame();
 
-  const int tail = geometry.size.z() % 64;
-  if (tail == 0) return Refusal::kNone;
-  const auto words_per_column = static_cast<std::size_t>(geometry.words_per_column());
-  std::uint64_t above = 0;
-  for (std::size_t i = words_per_column - 1; i < map_.words.size(); i += words_per_column)
-    above |= map_.words[i] >> tail;
-  return above == 0 ? Refusal::kNone : Refusal::kValue;
+  return is_above ? Refusal::kValue : Refusal::kNone;
 }
 
 }  // namespace swarm
