@@ -2,10 +2,13 @@
 // in at most two intervals of z, known in closed form, which become runs of bits. A voxel is marked when its centre is
 // within. Shapes are thickened first, so that none slips through between the centres.
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
+#include <optional>
 
 #include "lcmtypes/bus/portable_math.h"
+#include "lcmtypes/bus/wide.h"
 #include "map_daemon/obstacle.h"
 
 namespace swarm {
@@ -41,120 +44,195 @@ struct Sweep {
   Eigen::Vector3d center;
   Eigen::Vector2d travel;
   double reach;
+
+  bool operator==(const Sweep&) const = default;
 };
 
-class Painter {
- public:
-  Painter(const Core& core, const Sweep& sweep, int frame, Sogm* sogm, std::vector<std::uint64_t>* full)
-      : core_(core),
-        sweep_(sweep),
-        frame_(frame),
-        sogm_(*sogm),
-        inverse_resolution_(1.0 / sogm->geometry.resolution_m),
-        words_(sogm->geometry.words_per_column()),
-        full_(*full) {
-    const double length2 = sweep.travel.squaredNorm();
-    inverse_travel_ = length2 > 0.0 ? Eigen::Vector2d(sweep.travel / length2) : Eigen::Vector2d::Zero();
-    z_offset_ = sweep.center.z() * inverse_resolution_ - 0.5 - sogm->geometry.origin.z();
-    const double top = core.half_height + sweep.reach;
-    full_.assign(static_cast<std::size_t>(words_), 0);
-    run(-top, top, full_.data());
+// Columns of voxels that a sweep may meet, as many as are looked at together: wide registers hold several.
+struct Cells {
+  static constexpr std::size_t kMost = 256;
+  static constexpr int kStride = 8;
+  using Lengths = std::array<double, kMost>;
+  using Numbers = std::array<std::int32_t, kMost>;
+
+  // Adds [begin, end) of a row along y, as far as there is room, and returns where that ends. By strides, the last of
+  // which writes what does not count: most rows take one, so that the processor foresees where they end.
+  int add(int row, int begin, int end) {
+    for (; begin < end && n + kStride <= kMost; begin += kStride) {
+      for (int i = 0; i < kStride; ++i) {
+        x[n + static_cast<std::size_t>(i)] = row;
+        y[n + static_cast<std::size_t>(i)] = begin + i;
+      }
+      n += static_cast<std::size_t>(std::min(kStride, end - begin));
+    }
+    return std::min(begin, end);
   }
 
-  void paint() {
-    const Eigen::Vector2d reach = core_.extent().head<2>().array() + sweep_.reach;
-    const Eigen::Vector2d low = sweep_.center.head<2>() + sweep_.travel.cwiseMin(0.0) - reach;
-    const Eigen::Vector2d high = sweep_.center.head<2>() + sweep_.travel.cwiseMax(0.0) + reach;
+  std::size_t n = 0;
+  Numbers x, y;       // in the window
+  Numbers column;     // number in the window
+  Lengths dx, dy;     // of their centres, from the sweep's [m]
+  Lengths gap2;       // squared horizontal distance from the core's footprint [m^2]
+  Lengths top, hole;  // occupied is what is so far above and below the sweep's centre [m]
+  Numbers low_begin, low_end, high_begin, high_end;  // voxels of a word: below the hole, and above it
+};
+
+constexpr double kNowhere_m = -1e9;  // `top` where nothing is
+
+SWARM_WIDE void find_offsets(const GridGeometry& grid, const Eigen::Vector3d& center, Cells* cells) {
+  const std::int32_t origin_x = grid.origin.x(), origin_y = grid.origin.y(), row = grid.size.y();
+  const double voxel_m = grid.resolution_m, center_x = center.x(), center_y = center.y();
+  for (std::size_t i = 0; i < cells->n; ++i) {
+    cells->dx[i] = (cells->x[i] + origin_x + 0.5) * voxel_m - center_x;
+    cells->dy[i] = (cells->y[i] + origin_y + 0.5) * voxel_m - center_y;
+    cells->column[i] = cells->x[i] * row + cells->y[i];
+  }
+}
+
+// Of a disc swept along `travel`; `projection`: travel / |travel|^2, which projects onto [0, 1].
+SWARM_WIDE void find_gaps_of_disc(double radius, const Eigen::Vector2d& travel, const Eigen::Vector2d& projection,
+                                  Cells* cells) {
+  const double travel_x = travel.x(), travel_y = travel.y(), along_x = projection.x(), along_y = projection.y();
+  for (std::size_t i = 0; i < cells->n; ++i) {
+    const double dx = cells->dx[i], dy = cells->dy[i];
+    const double s = std::min(std::max(along_x * dx + along_y * dy, 0.0), 1.0);
+    const double ex = dx - s * travel_x, ey = dy - s * travel_y, r2 = ex * ex + ey * ey;
+    const double gap = std::sqrt(r2) - radius;
+    cells->gap2[i] = r2 <= radius * radius ? 0.0 : gap * gap;
+  }
+}
+
+SWARM_WIDE void find_gaps_of_box(const Core& core, Cells* cells) {
+  const double cos_yaw = core.cos_yaw, sin_yaw = core.sin_yaw, half_x = core.half.x(), half_y = core.half.y();
+  for (std::size_t i = 0; i < cells->n; ++i) {
+    const double dx = cells->dx[i], dy = cells->dy[i];
+    const double a = std::max(std::abs(cos_yaw * dx + sin_yaw * dy) - half_x, 0.0);
+    const double b = std::max(std::abs(cos_yaw * dy - sin_yaw * dx) - half_y, 0.0);
+    cells->gap2[i] = a * a + b * b;
+  }
+}
+
+SWARM_WIDE void find_tops(double half_height, double reach, Cells* cells) {
+  for (std::size_t i = 0; i < cells->n; ++i) {
+    const double rest = reach * reach - cells->gap2[i];
+    cells->top[i] = rest < 0.0 ? kNowhere_m : half_height + std::sqrt(std::max(rest, 0.0));
+    cells->hole[i] = 0.0;
+  }
+}
+
+// Of a torus around a circle in the vertical plane across `along`: R - q <= hypot(lateral, z) <= R + q.
+SWARM_WIDE void find_tops_of_ring(const Core& core, double reach, Cells* cells) {
+  const double cos_yaw = core.cos_yaw, sin_yaw = core.sin_yaw, radius = core.half.x();
+  for (std::size_t i = 0; i < cells->n; ++i) {
+    const double dx = cells->dx[i], dy = cells->dy[i];
+    const double along = cos_yaw * dx + sin_yaw * dy, lateral = cos_yaw * dy - sin_yaw * dx;
+    const double rest = reach * reach - along * along, q = std::sqrt(std::max(rest, 0.0));
+    const double outer = radius + q, inner = std::max(radius - q, 0.0);
+    const double outer2 = outer * outer - lateral * lateral, inner2 = inner * inner - lateral * lateral;
+    cells->top[i] = std::min(rest, outer2) < 0.0 ? kNowhere_m : std::sqrt(std::max(outer2, 0.0));
+    cells->hole[i] = std::sqrt(std::max(inner2, 0.0));
+  }
+}
+
+// Of `size` voxels of each column, at most 64; `middle`: the sweep's centre in voxels above the centre of their first.
+SWARM_WIDE void find_voxels(double per_m, double middle, std::int32_t size, Cells* cells) {
+  const double most = size;
+  const auto begin_at = [=](double voxel) {
+    return size - static_cast<std::int32_t>(most - std::min(std::max(voxel, 0.0), most));
+  };
+  const auto end_at = [=](double voxel) {
+    return static_cast<std::int32_t>(std::min(std::max(voxel + 1.0, 0.0), most));
+  };
+  for (std::size_t i = 0; i < cells->n; ++i) {
+    const double top = cells->top[i] * per_m, hole = cells->hole[i] * per_m;
+    cells->low_begin[i] = begin_at(middle - top);
+    cells->low_end[i] = end_at(middle - hole);
+    cells->high_begin[i] = begin_at(middle + hole);
+    cells->high_end[i] = end_at(middle + top);
+  }
+}
+
+// The bits of a word from one on; none from the 64th on.
+constexpr auto kFrom = [] {
+  std::array<std::uint64_t, 65> from{};
+  for (std::size_t bit = 0; bit < 64; ++bit) from[bit] = ~std::uint64_t{0} << bit;
+  return from;
+}();
+
+std::uint64_t bits_of(const Cells& cells, std::size_t i) {
+  const auto from = [i](const Cells::Numbers& bit) { return kFrom[static_cast<std::size_t>(bit[i])]; };
+  return (from(cells.low_begin) & ~from(cells.low_end)) | (from(cells.high_begin) & ~from(cells.high_end));
+}
+
+// Paints a core where it is swept, into several frames at once.
+class Painter {
+ public:
+  Painter(const Core& core, Sogm* sogm)
+      : core_(core), sogm_(*sogm), cot_yaw_(core.cos_yaw / core.sin_yaw), inverse_sin_(1.0 / std::abs(core.sin_yaw)) {}
+
+  void paint(const Sweep& sweep, int first_frame, int last_frame) {
     const GridGeometry& g = sogm_.geometry;
+    const double per_m = 1.0 / g.resolution_m;
+    const Eigen::Vector2d reach = core_.extent().head<2>().array() + sweep.reach;
+    const Eigen::Vector2d low = sweep.center.head<2>() + sweep.travel.cwiseMin(0.0) - reach;
+    const Eigen::Vector2d high = sweep.center.head<2>() + sweep.travel.cwiseMax(0.0) + reach;
     const Eigen::Array2d origin = g.origin.head<2>().cast<double>(), size = g.size.head<2>().cast<double>();
-    const Eigen::Array2i first =
-        (low.array() * inverse_resolution_ - 0.5 - origin).ceil().max(0.0).min(size).cast<int>();
-    const Eigen::Array2i last =
-        (high.array() * inverse_resolution_ - 0.5 - origin).floor().max(-1.0).min(size - 1.0).cast<int>();
+    const Eigen::Array2i first = (low.array() * per_m - 0.5 - origin).ceil().max(0.0).min(size).cast<int>();
+    const Eigen::Array2i last = (high.array() * per_m - 0.5 - origin).floor().max(-1.0).min(size - 1.0).cast<int>();
     for (int x = first.x(); x <= last.x(); ++x) {
-      const double dx = (x + g.origin.x() + 0.5) * g.resolution_m - sweep_.center.x();
       int begin = first.y(), end = last.y();
-      if (core_.kind == Shape::Kind::kRing) clip_to_ring(dx, &begin, &end);
-      for (int y = begin; y <= end; ++y) {
-        const double dy = (y + g.origin.y() + 0.5) * g.resolution_m - sweep_.center.y();
-        std::uint64_t* column = sogm_.column(frame_, x, y);
-        if (core_.kind == Shape::Kind::kRing) {
-          paint_ring(dx, dy, column);
-        } else {
-          paint_solid(core_.round() ? round_gap(dx, dy) : box_gap(dx, dy), column);
-        }
-      }
+      if (core_.kind == Shape::Kind::kRing) clip_to_ring(sweep, x, &begin, &end);
+      while ((begin = cells_.add(x, begin, end + 1)) <= end) paint_cells(sweep, first_frame, last_frame);
     }
+    paint_cells(sweep, first_frame, last_frame);
   }
 
  private:
-  // A ring is thin along its axis: of row `dx`, only columns with |cos dx + sin dy| <= reach can meet it.
-  void clip_to_ring(double dx, int* begin, int* end) const {
+  // A ring is thin along its axis: of a row, only columns with |cos dx + sin dy| <= reach can meet it.
+  void clip_to_ring(const Sweep& sweep, int x, int* begin, int* end) const {
     if (std::abs(core_.sin_yaw) < 1e-3) return;
-    const double middle = -core_.cos_yaw * dx / core_.sin_yaw, half = sweep_.reach / std::abs(core_.sin_yaw);
     const GridGeometry& g = sogm_.geometry;
-    const double zero = sweep_.center.y() * inverse_resolution_ - 0.5 - g.origin.y();
-    const double low = (middle - half) * inverse_resolution_ + zero,
-                 high = (middle + half) * inverse_resolution_ + zero;
-    *begin = static_cast<int>(std::clamp<double>(std::floor(low), *begin, *end + 1.0));
-    *end = static_cast<int>(std::clamp<double>(std::ceil(high), *begin - 1.0, *end));
-  }
-  // Squared horizontal distance from the swept footprint.
-  double round_gap(double dx, double dy) const {
-    const double s = std::clamp(inverse_travel_.x() * dx + inverse_travel_.y() * dy, 0.0, 1.0);
-    const double ex = dx - s * sweep_.travel.x(), ey = dy - s * sweep_.travel.y(), r2 = ex * ex + ey * ey;
-    const double radius = core_.half.x();
-    if (radius == 0.0) return r2;
-    if (r2 <= radius * radius) return 0.0;
-    const double gap = std::sqrt(r2) - radius;
-    return gap * gap;
-  }
-  double box_gap(double dx, double dy) const {
-    const double along = std::abs(core_.cos_yaw * dx + core_.sin_yaw * dy) - core_.half.x();
-    const double across = std::abs(core_.cos_yaw * dy - core_.sin_yaw * dx) - core_.half.y();
-    const double a = std::max(along, 0.0), b = std::max(across, 0.0);
-    return a * a + b * b;
+    const double dx = (x + g.origin.x() + 0.5) * g.resolution_m - sweep.center.x();
+    const double per_m = 1.0 / g.resolution_m, zero = sweep.center.y() * per_m - 0.5 - g.origin.y();
+    const double middle = zero - per_m * cot_yaw_ * dx, half = per_m * sweep.reach * inverse_sin_;
+    *begin = static_cast<int>(std::clamp<double>(middle - half, *begin, *end + 1.0));
+    *end = std::min(static_cast<int>(std::clamp<double>(middle + half, *begin - 1.0, *end)) + 1, *end);
   }
 
-  void paint_solid(double gap2, std::uint64_t* column) const {
-    const double rest = sweep_.reach * sweep_.reach - gap2;
-    if (rest < 0.0) return;
-    if (gap2 == 0.0) {
-      for (int w = 0; w < words_; ++w) column[w] |= full_[static_cast<std::size_t>(w)];
-      return;
+  void paint_cells(const Sweep& sweep, int first_frame, int last_frame) {
+    const GridGeometry& g = sogm_.geometry;
+    find_offsets(g, sweep.center, &cells_);
+    find_heights(sweep);
+    const double per_m = 1.0 / g.resolution_m, middle = sweep.center.z() * per_m - 0.5 - g.origin.z();
+    const Eigen::Index words = g.words_per_column(), frame_words = g.words_per_frame();
+    for (int word = 0; word < words; ++word) {
+      find_voxels(per_m, middle - 64 * word, std::min(g.size.z() - 64 * word, 64), &cells_);
+      std::uint64_t* const begin = sogm_.column(first_frame, 0, 0) + word;
+      for (std::size_t i = 0; i < cells_.n; ++i) {
+        const std::uint64_t bits = bits_of(cells_, i);
+        std::uint64_t* to = begin + cells_.column[i] * words;
+        for (int frame = first_frame; frame <= last_frame; ++frame, to += frame_words) *to |= bits;
+      }
     }
-    const double top = core_.half_height + std::sqrt(rest);
-    run(-top, top, column);
+    cells_.n = 0;
   }
 
-  // Torus around the circle of radius R in the vertical plane across `along`: R - q <= hypot(lateral, z) <= R + q.
-  void paint_ring(double dx, double dy, std::uint64_t* column) const {
-    const double along = core_.cos_yaw * dx + core_.sin_yaw * dy;
-    const double rest = sweep_.reach * sweep_.reach - along * along;
-    if (rest < 0.0) return;
-    const double lateral = core_.cos_yaw * dy - core_.sin_yaw * dx;
-    const double q = std::sqrt(rest), outer = core_.half.x() + q, inner = std::max(core_.half.x() - q, 0.0);
-    const double outer2 = outer * outer - lateral * lateral, inner2 = inner * inner - lateral * lateral;
-    if (outer2 < 0.0) return;
-    const double top = std::sqrt(outer2), hole = inner2 > 0.0 ? std::sqrt(inner2) : 0.0;
-    run(-top, -hole, column);
-    run(hole, top, column);
-  }
-
-  void run(double low, double high, std::uint64_t* column) const {  // about the centre [m]
-    set_run(low * inverse_resolution_ + z_offset_, high * inverse_resolution_ + z_offset_, sogm_.geometry.size.z(),
-            column);
+  void find_heights(const Sweep& sweep) {
+    if (core_.kind == Shape::Kind::kRing) return find_tops_of_ring(core_, sweep.reach, &cells_);
+    if (core_.round()) {
+      const double length2 = sweep.travel.squaredNorm();
+      const Eigen::Vector2d projection = length2 > 0.0 ? Eigen::Vector2d(sweep.travel / length2) : sweep.travel;
+      find_gaps_of_disc(core_.half.x(), sweep.travel, projection, &cells_);
+    } else {
+      find_gaps_of_box(core_, &cells_);
+    }
+    find_tops(core_.half_height, sweep.reach, &cells_);
   }
 
   const Core& core_;
-  const Sweep& sweep_;
-  const int frame_;
   Sogm& sogm_;
-  const double inverse_resolution_;
-  Eigen::Vector2d inverse_travel_;    // travel / |travel|^2: projects onto [0, 1]
-  double z_offset_;                   // the centre's height in voxels above the window's first centre
-  int words_;                         // per column
-  std::vector<std::uint64_t>& full_;  // a column inside the footprint
+  double cot_yaw_, inverse_sin_;
+  Cells cells_;
 };
 
 // Never of voxels: those are boxes.
@@ -185,14 +263,14 @@ Core core_of(const Shape& any, double resolution_m, double margin_m) {
   return core;
 }
 
-// Whether the core, moving from `from` by `motion` and widened by `reach`, may touch the window at all.
-bool meets_window(const Core& core, const Eigen::Vector3d& from, const Eigen::Vector3d& motion, double reach,
-                  const GridGeometry& g) {
-  const Eigen::Array3d pad = core.extent().array() + reach;
+// Whether the core may touch the window there at all.
+bool meets_window(const Core& core, const Sweep& sweep, const GridGeometry& g) {
+  const Eigen::Array3d pad = core.extent().array() + sweep.reach;
   const Eigen::Array3d low = g.origin.cast<double>().array() * g.resolution_m;
   const Eigen::Array3d high = (g.origin + g.size).cast<double>().array() * g.resolution_m;
-  const Eigen::Vector3d to = from + motion;
-  return (from.cwiseMax(to).array() + pad >= low).all() && (from.cwiseMin(to).array() - pad <= high).all();
+  const Eigen::Vector3d to = sweep.center + Eigen::Vector3d(sweep.travel.x(), sweep.travel.y(), 0.0);
+  return (sweep.center.cwiseMax(to).array() + pad >= low).all() &&
+         (sweep.center.cwiseMin(to).array() - pad <= high).all();
 }
 
 // `offset`: of the core from the obstacle's centre.
@@ -204,22 +282,31 @@ void paint_core(const Core& core, const Eigen::Vector3d& offset, const Obstacle&
   const bool straight = core.round() && motion.z() == 0.0;
   const int steps = straight ? 0 : static_cast<int>(std::ceil(motion.norm() / (0.5 * sogm->geometry.resolution_m)));
   const double step_m = steps > 0 ? motion.norm() / steps : 0.0;
-  std::vector<std::uint64_t> full;
+  Painter painter(core, sogm);
+  // The end of a frame is the beginning of the next, and what stands does so in all of them: painted once.
+  std::optional<Sweep> sweep;
+  int first_frame = 0;
+  const auto paint = [&](int last_frame) {
+    if (sweep && meets_window(core, *sweep, sogm->geometry)) painter.paint(*sweep, first_frame, last_frame);
+  };
   for (int frame = 0; frame < sogm->num_frames; ++frame) {
-    const Eigen::Vector3d from = obstacle.position + offset + (lead_s + frame * frame_s) * obstacle.velocity;
     // A point within r of a core on its way is within sqrt(r^2 + step^2 / 4) of it at one end of the step, whatever the
     // core's form: so no sub-step leaves a gap, at the price of less than 7 % of r for r >= 0.07 m at 0.1 m voxels.
     const double end_s = (frame + 1) * frame_s, unseen_s = std::clamp(lead_s + end_s, 0.0, kUnseen_s);
     const double r = core.thickness + margin_m + growth_mps * end_s +
                      obstacle.acceleration_mps2 * unseen_s * unseen_s / 2 + kRounding_m;
     const double reach = std::sqrt(r * r + step_m * step_m / 4);
-    if (!meets_window(core, from, motion, reach, sogm->geometry)) continue;
     for (int k = 0; k <= steps; ++k) {
-      const Sweep sweep{steps > 0 ? Eigen::Vector3d(from + motion * k / steps) : from,
-                        straight ? Eigen::Vector2d(motion.head<2>()) : Eigen::Vector2d::Zero(), reach};
-      Painter(core, sweep, frame, sogm, &full).paint();
+      const double at_s = lead_s + (frame + (k > 0 ? static_cast<double>(k) / steps : 0.0)) * frame_s;
+      const Sweep next{obstacle.position + offset + at_s * obstacle.velocity,
+                       straight ? Eigen::Vector2d(motion.head<2>()) : Eigen::Vector2d::Zero(), reach};
+      if (sweep == next) continue;
+      paint(k == 0 ? frame - 1 : frame);
+      sweep = next;
+      first_frame = frame;
     }
   }
+  paint(sogm->num_frames - 1);
 }
 
 }  // namespace
