@@ -28,6 +28,8 @@ using std::chrono::steady_clock;
 
 // The longest sleep: a system clock that jumps is noticed within it.
 constexpr Duration kMaxSleep = 100ms;
+// A wake-up may be so late: less than the kernel's own slack.
+constexpr Duration kTimerSlack = 20us;
 // A replayed message whose time is farther off than this is of another part of the log.
 constexpr Duration kReplayJump = 50ms;
 
@@ -169,9 +171,18 @@ class RealtimeHost::Seat : public Outbox {
     watch_clock();
     const Utime next = node_.step(now(), *this);
     tell_activity();
-    timer_.expires_after(std::clamp(next - now(), Duration(), kMaxSleep));
+    wake_at(steady_clock::now() + std::clamp(next - now(), Duration(), kMaxSleep));
+  }
+
+  // A timer that goes off too early costs less than one that is set anew after each message.
+  void wake_at(steady_clock::time_point time) {
+    if (is_timer_set_ && timer_.expiry() <= time + kTimerSlack) return;
+    timer_.expires_at(time);
+    is_timer_set_ = true;
     timer_.async_wait([this](const boost::system::error_code& error) {
-      if (!error) step();
+      if (error) return;
+      is_timer_set_ = false;
+      step();
     });
   }
 
@@ -218,6 +229,7 @@ class RealtimeHost::Seat : public Outbox {
   Duration replay_offset_{};
   std::array<Port, 2> ports_;
   boost::asio::steady_timer timer_;
+  bool is_timer_set_ = false;
   ActivityLog activity_log_;
   Recurring look_;  // at what the node is about
   RateLimit send_warnings_, clock_warnings_, forged_warnings_;
