@@ -38,6 +38,14 @@ LcmBus::LcmBus(const std::string& url, SwarmKeys keys)
                         "programs cannot take part; mend with: ip route add 224.0.0.0/4 dev lo");
   }
   test_itself();
+  hear_subscribed();
+}
+
+// Nobody else's messages wake this process.
+void LcmBus::hear_subscribed() {
+  std::vector<std::string> channels;
+  for (const Subscription& subscription : subscriptions_) channels.push_back(subscription.channel);
+  socket_.hear_only(channels);
 }
 
 // A firewall is silent: only what is heard was let through.
@@ -79,6 +87,7 @@ void LcmBus::subscribe(const std::string& channel, Handler handler) {
                                 " letters, digits or '_'");
   }
   subscriptions_.push_back({channel, std::move(handler)});
+  hear_subscribed();
 }
 
 bool LcmBus::publish(std::string_view channel, std::span<const std::uint8_t> bytes) {

@@ -57,6 +57,7 @@ class LcmBus {
   };
 
   void test_itself();
+  void hear_subscribed();
   void join_again();
 
   UdpmUrl url_;

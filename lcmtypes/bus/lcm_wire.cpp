@@ -7,7 +7,7 @@
 namespace swarm {
 namespace {
 
-constexpr std::size_t kShortHeader = 8, kFragmentHeader = 20;
+constexpr std::size_t kFragmentHeader = 20;
 constexpr std::size_t kMaxShort = 65'499;     // channel, NUL and payload of a message that is not cut: liblcm's bound
 constexpr std::size_t kMaxFragment = 65'487;  // the same of a fragment
 
@@ -77,11 +77,11 @@ bool write_lcm(std::uint32_t sequence, const LcmMessage& message, const std::fun
 }
 
 std::optional<LcmMessage> LcmReader::read(std::uint64_t sender, Bytes datagram) {
-  if (datagram.size() < kShortHeader) return std::nullopt;
+  if (datagram.size() < kLcmShortHead) return std::nullopt;
   const std::uint32_t magic = swarm::read(datagram, 0, 4);
   if (magic == kLcmFragmentMagic) return read_fragment(sender, datagram);
   if (magic != kLcmShortMagic) return std::nullopt;
-  LcmMessage message{{}, datagram.subspan(kShortHeader)};
+  LcmMessage message{{}, datagram.subspan(kLcmShortHead)};
   message.channel = cut_channel(&message.bytes);
   return message.channel.empty() ? std::nullopt : std::optional(message);
 }

@@ -19,6 +19,7 @@
 namespace swarm {
 
 inline constexpr std::uint32_t kLcmShortMagic = 0x4c433032, kLcmFragmentMagic = 0x4c433033;
+inline constexpr std::size_t kLcmShortHead = 8;                   // bytes before the channel
 inline constexpr std::size_t kMaxLcmChannel = 63;                 // characters
 inline constexpr std::size_t kMaxLcmMessage = 1 << 20;            // payload bytes that are put together from fragments
 inline constexpr std::size_t kMaxDatagram = 65'507;               // bytes that UDP carries

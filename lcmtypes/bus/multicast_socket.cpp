@@ -1,7 +1,6 @@
 #include "lcmtypes/bus/multicast_socket.h"
 
 #include <arpa/inet.h>
-#include <linux/filter.h>
 #include <net/if.h>
 #include <sys/socket.h>
 #include <sys/uio.h>
@@ -16,10 +15,6 @@
 namespace swarm {
 namespace {
 
-constexpr unsigned kLooped = 5;        // PACKET_LOOPBACK of linux/if_packet.h: sent by this computer itself
-constexpr unsigned kUdpHeader = 8;     // bytes; filters count from there
-constexpr unsigned kAll = 0xffffffff;  // bytes of a datagram that is let through
-
 [[noreturn]] void fail(const UdpmUrl& url, const std::string& what) {
   throw std::runtime_error("bus " + url.to_string() + ": " + what + " (" + std::strerror(errno) + ")");
 }
@@ -29,31 +24,9 @@ bool set(int fd, int level, int option, const T& value) {
   return ::setsockopt(fd, level, option, &value, sizeof(value)) == 0;
 }
 
-// Runs on every datagram before the socket takes it (classic BPF).
-bool attach_filter(int fd, bool is_local, unsigned loopback) {
-  const auto load = [](int what) {
-    return sock_filter BPF_STMT(BPF_LD | BPF_W | BPF_ABS, static_cast<unsigned>(what));
-  };
-  const auto unless = [](unsigned value, unsigned char skip) {
-    return sock_filter BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, value, 0, skip);
-  };
-  const sock_filter pass BPF_STMT(BPF_RET | BPF_K, kAll);
-  const sock_filter drop BPF_STMT(BPF_RET | BPF_K, 0);
-  sock_filter local[] = {load(SKF_AD_OFF + SKF_AD_PKTTYPE),
-                         unless(kLooped, 1),
-                         pass,
-                         load(SKF_AD_OFF + SKF_AD_IFINDEX),
-                         unless(loopback, 1),
-                         pass,
-                         drop};
-  sock_filter whole[] = {load(kUdpHeader), unless(kLcmShortMagic, 1), pass, drop};
-  const sock_fprog program = is_local ? sock_fprog{std::size(local), local} : sock_fprog{std::size(whole), whole};
-  return set(fd, SOL_SOCKET, SO_ATTACH_FILTER, program);
-}
-
 }  // namespace
 
-MulticastSocket::MulticastSocket(const UdpmUrl& url) : is_local_(url.is_local()), loopback_(::if_nametoindex("lo")) {
+MulticastSocket::MulticastSocket(const UdpmUrl& url) : filter_{url.is_local(), ::if_nametoindex("lo")} {
   group_.sin_family = AF_INET;
   group_.sin_port = htons(static_cast<std::uint16_t>(url.port));
   ::inet_pton(AF_INET, url.group.c_str(), &group_.sin_addr);
@@ -61,7 +34,7 @@ MulticastSocket::MulticastSocket(const UdpmUrl& url) : is_local_(url.is_local())
   if (fd_ < 0) fail(url, "no UDP socket");
   std::unique_ptr<const int, void (*)(const int*)> closer(&fd_, [](const int* open) { ::close(*open); });
   // The filter comes before the first datagram can. Others may listen to the port too: LCM's programs, more daemons.
-  if (!attach_filter(fd_, is_local_, loopback_)) fail(url, "the kernel takes no socket filter");
+  if (!filter_.attach_to(fd_)) fail(url, "the kernel takes no socket filter");
   set(fd_, SOL_SOCKET, SO_REUSEADDR, 1);
   set(fd_, SOL_SOCKET, SO_RCVBUF, url.recv_buf_size);
   socklen_t size = sizeof(receive_buffer_);
@@ -73,7 +46,7 @@ MulticastSocket::MulticastSocket(const UdpmUrl& url) : is_local_(url.is_local())
   if (::bind(fd_, reinterpret_cast<const sockaddr*>(&group_), sizeof(group_)) != 0) {
     fail(url, "UDP port " + std::to_string(url.port) + " cannot be had");
   }
-  if (!is_local_ && !is_routed()) {
+  if (!filter_.is_local && !is_routed()) {
     fail(url,
          "no route for multicast; mend with: ip route add 224.0.0.0/4 dev DEVICE  (that reaches the other robots)");
   }
@@ -96,9 +69,9 @@ bool MulticastSocket::is_routed() const {
 }
 
 void MulticastSocket::join() {
-  if (is_local_) join_on(loopback_);
+  if (filter_.is_local) join_on(filter_.loopback);
   join_on(0);
-  if (!is_local_) return;
+  if (!filter_.is_local) return;
   const std::unique_ptr<struct if_nameindex, void (*)(struct if_nameindex*)> all(::if_nameindex(), ::if_freenameindex);
   for (const auto* one = all.get(); one != nullptr && one->if_index != 0; ++one) join_on(one->if_index);
 }
@@ -109,6 +82,10 @@ void MulticastSocket::join_on(unsigned interface) {
   membership.imr_multiaddr = group_.sin_addr;
   membership.imr_ifindex = static_cast<int>(interface);
   (void)set(fd_, IPPROTO_IP, IP_ADD_MEMBERSHIP, membership);
+}
+
+void MulticastSocket::hear_only(std::span<const std::string> channels) {
+  if (!filter_.attach_to(fd_, channels)) (void)filter_.attach_to(fd_);
 }
 
 std::optional<Datagram> MulticastSocket::receive() {
@@ -131,7 +108,7 @@ bool MulticastSocket::send(std::span<const std::uint8_t> head, std::span<const s
   message.msg_iov = parts.data();
   message.msg_iovlen = parts.size();
   if (::sendmsg(fd_, &message, MSG_NOSIGNAL) >= 0) return true;
-  if (!is_local_ || errno == EAGAIN || errno == ENOBUFS) return false;
+  if (!filter_.is_local || errno == EAGAIN || errno == ENOBUFS) return false;
   alignas(cmsghdr) std::array<char, CMSG_SPACE(sizeof(in_pktinfo))> control{};
   message.msg_control = control.data();
   message.msg_controllen = control.size();
@@ -140,7 +117,7 @@ bool MulticastSocket::send(std::span<const std::uint8_t> head, std::span<const s
   option->cmsg_type = IP_PKTINFO;
   option->cmsg_len = CMSG_LEN(sizeof(in_pktinfo));
   in_pktinfo over{};
-  over.ipi_ifindex = static_cast<int>(loopback_);
+  over.ipi_ifindex = static_cast<int>(filter_.loopback);
   std::memcpy(CMSG_DATA(option), &over, sizeof(over));
   return ::sendmsg(fd_, &message, MSG_NOSIGNAL) >= 0;
 }

@@ -1,5 +1,5 @@
 // One UDP socket in one multicast group. What it hears is chosen by the kernel, before it takes room in the socket's
-// buffer: on a bus of one computer nothing that came over a network, whatever sender it claims; on others no fragments.
+// buffer, see socket_filter.h.
 #pragma once
 
 #include <netinet/in.h>
@@ -8,9 +8,11 @@
 #include <cstdint>
 #include <optional>
 #include <span>
+#include <string>
 
 #include "lcmtypes/bus/bus_url.h"
 #include "lcmtypes/bus/lcm_wire.h"
+#include "lcmtypes/bus/socket_filter.h"
 
 namespace swarm {
 
@@ -37,6 +39,10 @@ class MulticastSocket {
   // others too. A local bus always has the loopback interface, so it outlives every other.
   void join();
 
+  // From now on of whole messages those on these channels only; others may come all the same, where the kernel takes no
+  // filter of so many.
+  void hear_only(std::span<const std::string> channels);
+
   // The next datagram, if one is pending; its bytes are good until the next call.
   std::optional<Datagram> receive();
 
@@ -50,9 +56,8 @@ class MulticastSocket {
   void join_on(unsigned interface);
 
   int fd_ = -1;
-  bool is_local_;
+  SocketFilter filter_;
   sockaddr_in group_{};
-  unsigned loopback_ = 0;  // interface
   int receive_buffer_ = 0;
   std::array<std::uint8_t, kMaxDatagram> buffer_{};
 };

@@ -2,11 +2,13 @@
 #include "lcmtypes/bus/lcm_bus.h"
 
 #include <gtest/gtest.h>
+#include <poll.h>
 #include <sched.h>
 #include <sys/socket.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <boost/asio/post.hpp>
 #include <chrono>
@@ -120,6 +122,47 @@ TEST_F(LcmBusTest, CarriesBytesOnExactChannels) {
   EXPECT_TRUE(heard == sent);
   elsewhere.drain();
   EXPECT_EQ(strays, 0);
+  EXPECT_EQ(receiver.drain(), 0);
+}
+
+// The kernel tells channels apart by their names, of whatever length, and whatever of a name others begin with.
+TEST_F(LcmBusTest, OthersChannelsWakeNobody) {
+  LcmBus sender(test_url(1)), receiver(test_url(1));
+  const auto is_woken = [&] {
+    pollfd pending{receiver.fd(), POLLIN, 0};
+    return ::poll(&pending, 1, 0) > 0;
+  };
+  receiver.drain();
+  std::vector<std::string> names;
+  for (std::size_t size = 1; size <= 63; ++size) names.push_back(std::string(size - 1, 'A') + 'B');
+  std::vector<std::string> heard;
+  for (std::size_t i = 0; i < names.size(); i += 3)
+    receiver.subscribe(names[i], [&](std::string_view channel, auto) { heard.emplace_back(channel); });
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    for (const std::string& other : {names[i] + 'B', names[i].substr(1), std::string(names[i].size(), 'A')}) {
+      if (other.empty() || other.size() > 63 || std::ranges::find(names, other) != names.end()) continue;
+      ASSERT_TRUE(sender.publish(other, Bytes()));
+      EXPECT_FALSE(is_woken()) << other;
+    }
+    for (const std::size_t size : {0u, 1u, 100u}) {
+      ASSERT_TRUE(sender.publish(names[i], Bytes(size)));
+      const bool is_subscribed = i % 3 == 0;
+      EXPECT_EQ(is_woken(), is_subscribed) << names[i];
+      receiver.drain();
+      EXPECT_EQ(heard, std::vector<std::string>(is_subscribed ? 1 : 0, names[i]));
+      heard.clear();
+    }
+  }
+}
+
+// More than a filter of the kernel holds: then all are heard, and told apart here.
+TEST_F(LcmBusTest, HearsAnyNumberOfChannels) {
+  LcmBus sender(test_url(1)), receiver(test_url(1));
+  int good = 0;
+  for (int i = 0; i < 500; ++i) receiver.subscribe("CHANNEL_" + std::to_string(i), [&](auto, auto) { ++good; });
+  for (const char* channel : {"CHANNEL_0", "CHANNEL_499", "CHANNEL_500", "OTHER"})
+    ASSERT_TRUE(sender.publish(channel, Bytes{1}));
+  EXPECT_TRUE(wait_until(receiver, [&] { return good == 2; }));
   EXPECT_EQ(receiver.drain(), 0);
 }
 
