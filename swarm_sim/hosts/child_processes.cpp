@@ -5,6 +5,7 @@
 #include <string.h>
 #include <sys/prctl.h>
 #include <sys/wait.h>
+#include <time.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -55,7 +56,7 @@ void ChildProcesses::start(const std::string& name, const std::filesystem::path&
     ::_exit(127);
   }
   ::close(output);
-  children_.push_back({pid, name, log});
+  children_.push_back({.pid = pid, .name = name, .log = log});
 }
 
 void ChildProcesses::kill(const std::string& name) {
@@ -64,6 +65,22 @@ void ChildProcesses::kill(const std::string& name) {
   ::kill(child->pid, SIGKILL);
   ::waitpid(child->pid, nullptr, 0);
   children_.erase(child);
+}
+
+double ChildProcesses::Child::processor_s() const {
+  clockid_t clock{};
+  timespec time{};
+  if (::clock_getcpuclockid(pid, &clock) != 0 || ::clock_gettime(clock, &time) != 0) return idle_s;
+  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
+}
+
+void ChildProcesses::begin_processor_time() {
+  for (Child& child : children_) child.idle_s = child.processor_s();
+}
+
+double ChildProcesses::processor_s(const std::string& name) const {
+  const auto child = std::ranges::find(children_, name, &Child::name);
+  return child == children_.end() ? 0.0 : child->processor_s() - child->idle_s;
 }
 
 std::optional<std::string> ChildProcesses::find_ended() {

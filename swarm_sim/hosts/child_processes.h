@@ -25,6 +25,11 @@ class ChildProcesses {
   // Ends the child of that name with SIGKILL, as a crash would; it may be started again.
   void kill(const std::string& name);
 
+  // From now on processor time counts.
+  void begin_processor_time();
+  // Of the child of that name, since then or since it was started [s]; 0: it does not run.
+  double processor_s(const std::string& name) const;
+
   // One line about a child that has ended since the start ("robot 2's map_daemon: killed by signal 9 (Killed); its last
   // words: ..."), if any.
   std::optional<std::string> find_ended();
@@ -34,6 +39,9 @@ class ChildProcesses {
     pid_t pid;
     std::string name;
     std::filesystem::path log;
+    double idle_s = 0.0;  // processor time before it counted
+
+    double processor_s() const;
   };
   std::vector<Child> children_;
 };

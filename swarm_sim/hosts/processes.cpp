@@ -189,6 +189,7 @@ class Overseer {
     if (missing.empty()) {
       simulation_.start(simulation_.now() + 2 * Simulation::kTick);
       for (RobotWatch& robot : robots_) robot.mark_start();
+      children_.begin_processor_time();
     } else if (wall_utime() > give_up_) {
       failure_ = missing + " within " + std::to_string(kReadyTimeout / 1s) + " s";
     }
@@ -296,6 +297,11 @@ RunReport run_processes(const World& world, const OccupiedCubes* static_map, con
 
   const std::chrono::duration<double> wall = stopwatch() - began;
   RunReport report = report_of(simulation, watches, wall.count());
+  for (std::size_t i = 0; i < daemons.size(); ++i) {
+    const std::size_t num_daemons = daemons_in(world).size();
+    report.robots[i / num_daemons].processor.emplace_back(daemons_in(world)[i % num_daemons],
+                                                          children.processor_s(daemons[i].name) / report.duration_s);
+  }
   recorder.finish(&report);
   return report;
 }

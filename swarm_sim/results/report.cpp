@@ -37,6 +37,8 @@ ordered_json to_json(const RobotReport& robot) {
     if (robot.refused[static_cast<std::size_t>(i)] != 0)
       refused[to_string(static_cast<Refusal>(i))] = robot.refused[static_cast<std::size_t>(i)];
   }
+  ordered_json processor = ordered_json::object();
+  for (const auto& [daemon, share] : robot.processor) processor[daemon] = share;
   return {
       {"id", verdict.id},
       {"flight_time", verdict.flight_time_s ? ordered_json(*verdict.flight_time_s) : ordered_json()},
@@ -55,7 +57,29 @@ ordered_json to_json(const RobotReport& robot) {
       {"plans", robot.plans},
       {"plan_rate_hz", robot.plan_rate_hz},
       {"missed", robot.missed},
+      {"processor", processor.empty() ? ordered_json(nullptr) : processor},
       {"refused", refused}};
+}
+
+// What each daemon takes of a core, and all of a robot; nothing where that was not measured.
+std::vector<std::vector<std::string>> processor_rows(const RunReport& report) {
+  std::vector<std::vector<std::string>> rows;
+  for (const RobotReport& robot : report.robots) {
+    if (robot.processor.empty()) continue;
+    if (rows.empty()) {
+      rows = {{"% of a core"}};
+      for (const auto& [daemon, share] : robot.processor) rows.front().push_back(daemon);
+      rows.front().emplace_back("all");
+    }
+    std::vector<std::string>& row = rows.emplace_back(1, "robot " + std::to_string(robot.verdict.id));
+    double sum = 0.0;
+    for (const auto& [daemon, share] : robot.processor) {
+      row.push_back(fixed(100 * share, 2));
+      sum += share;
+    }
+    row.push_back(fixed(100 * sum, 2));
+  }
+  return rows;
 }
 
 TrackingError tracking_error(const std::vector<double>& errors_m) {
@@ -179,7 +203,9 @@ std::string summary_table(const RunReport& report) {
     rows.push_back({kPlanningSteps[i], fixed(s.mean_ms, 3), fixed(s.p50_ms, 3), fixed(s.p95_ms, 3), fixed(s.p99_ms, 3),
                     fixed(s.max_ms, 3)});
   }
-  return text + aligned(rows);
+  text += aligned(rows);
+  rows = processor_rows(report);
+  return rows.empty() ? text : text + aligned(rows);
 }
 
 }  // namespace swarm

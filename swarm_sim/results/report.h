@@ -44,8 +44,9 @@ struct RobotReport {
   bool is_unreachable = false;  // the goal, as the planner said last
   std::int64_t plans = 0;
   double plan_rate_hz = 0.0;
-  std::int64_t missed = 0;                           // maps that arrived while no plan could start in time
-  std::array<std::int64_t, kNumRefusals> refused{};  // by all daemons of the robot, by reason
+  std::int64_t missed = 0;                                // maps that arrived while no plan could start in time
+  std::array<std::int64_t, kNumRefusals> refused{};       // by all daemons of the robot, by reason
+  std::vector<std::pair<std::string, double>> processor;  // share of a core, by daemon; nothing in lock-step
 };
 
 struct RunReport {

@@ -114,7 +114,11 @@ TEST_F(Processes, FlyToTheEnd) {
             (std::set<std::string>{"report.json", "robot0.lcm", "robot1.lcm", "swarm.lcm", "trace.csv", "world.json"}));
   const auto report = nlohmann::json::parse(read_text(directory_ / "run/report.json"));
   EXPECT_EQ(report["mode"], "processes");
-  for (const auto& robot : report["robots"]) EXPECT_GT(robot["plans"], 0);
+  for (const auto& robot : report["robots"]) {
+    EXPECT_GT(robot["plans"], 0);
+    EXPECT_EQ(robot["processor"].size(), 3u);
+    for (const double share : robot["processor"]) EXPECT_TRUE(share > 0.0005 && share < 1.0) << robot["processor"];
+  }
   const std::pair<std::string, std::string> about[] = {
       {"map", "makes maps"}, {"planner", "plans to ["}, {"broadcast", "ready: "}};
   for (const std::string robot : {"robot0", "robot1"}) {

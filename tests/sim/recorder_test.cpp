@@ -127,6 +127,7 @@ RunReport example() {
   report.robots[0].plans = 91;
   report.robots[0].plan_rate_hz = 9.97;
   report.robots[0].refused[static_cast<std::size_t>(Refusal::kCrc)] = 3;
+  report.robots[0].processor = {{"map", 0.0125}, {"planner", 0.01}};
   report.robots[1].verdict.id = 22;
   report.planning[5] = timing_stats({1.0, 2.0, 3.0});
   report.channels["TRAJECTORY"] = {100, 50000, 7};
@@ -146,6 +147,8 @@ TEST_F(RunFiles, ReportTellsEverythingAndWhatIsUnknownIsNull) {
   EXPECT_EQ(json["robots"][0]["clearance"]["obstacles"]["other"], 4);
   EXPECT_TRUE(json["robots"][0]["clearance"]["robots"].is_null());
   EXPECT_EQ(json["robots"][0]["refused"], (nlohmann::json{{to_string(Refusal::kCrc), 3}}));
+  EXPECT_EQ(json["robots"][0]["processor"], (nlohmann::json{{"map", 0.0125}, {"planner", 0.01}}));
+  EXPECT_TRUE(json["robots"][1]["processor"].is_null());
   EXPECT_EQ(json["robots"][1]["max_speed"], (nlohmann::json{0.0, 0.0, 0.0}));
   EXPECT_EQ(json["planning_ms"]["total"]["p50"], 2.0);
   EXPECT_EQ(json["planning_ms"]["search"]["count"], 0);
@@ -168,7 +171,9 @@ TEST(Summary, TableIsAlignedAndTellsTheTouches) {
             "     optimize  0.000  0.000  0.000  0.000  0.000\n"
             "        check  0.000  0.000  0.000  0.000  0.000\n"
             "        total  2.000  2.000  3.000  3.000  3.000\n"
-            "      prepare  0.000  0.000  0.000  0.000  0.000\n")
+            "      prepare  0.000  0.000  0.000  0.000  0.000\n"
+            "  % of a core   map  planner   all\n"
+            "      robot 1  1.25     1.00  2.25\n")
       << table;
 }
 
