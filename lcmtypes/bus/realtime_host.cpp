@@ -98,8 +98,7 @@ class RealtimeHost::Seat : public Outbox {
       if (!bus) throw std::invalid_argument(name_ + " listens to " + subscription.channel + " on a bus without URL");
       bus->subscribe(subscription.channel, [this, id](std::string_view channel, std::span<const std::uint8_t> bytes) {
         if (config_.source == TimeSource::kMessages) follow(bytes);
-        watch_clock();
-        node_.on_message(now(), id, channel, bytes, *this);
+        node_.on_message(watch_clock(), id, channel, bytes, *this);
       });
       channels[static_cast<std::size_t>(id)] += " " + subscription.channel;
     }
@@ -168,10 +167,11 @@ class RealtimeHost::Seat : public Outbox {
   }
 
   void step() {
-    watch_clock();
-    const Utime next = node_.step(now(), *this);
-    tell_activity();
-    wake_at(steady_clock::now() + std::clamp(next - now(), Duration(), kMaxSleep));
+    const Utime time = watch_clock();
+    const auto begun = steady_clock::now();
+    const Utime next = node_.step(time, *this);
+    tell_activity(time);
+    wake_at(begun + std::clamp(next - time, Duration(), kMaxSleep));
   }
 
   // A timer that goes off too early costs less than one that is set anew after each message.
@@ -186,8 +186,7 @@ class RealtimeHost::Seat : public Outbox {
     });
   }
 
-  void tell_activity() {
-    const Utime time = now();
+  void tell_activity(Utime time) {
     if (time < look_.due(time, ActivityLog::kPeriod)) return;
     look_.done(time);
     const auto line = activity_log_.update(time, node_.activity(time));
@@ -210,8 +209,8 @@ class RealtimeHost::Seat : public Outbox {
     if (std::chrono::abs(offset - replay_offset_) > kReplayJump) replay_offset_ = offset;
   }
 
-  // Tells the node of steps of the wall clock, and takes them when it agrees.
-  void watch_clock() {
+  // Tells the node of steps of the wall clock, and takes them when it agrees. What time it is then.
+  Utime watch_clock() {
     const Utime time = now();
     const auto step_ms = clock_.step() / 1ms;
     const NodeClock::Offer offer = clock_.offer_step(
@@ -220,6 +219,7 @@ class RealtimeHost::Seat : public Outbox {
       spdlog::warn("{}: the system clock jumped by {} ms", name_, step_ms);
     if (offer == NodeClock::Offer::kRefused)
       spdlog::warn("{}: the system clock jumped by {} ms, which is taken over when the robot rests", name_, step_ms);
+    return offer == NodeClock::Offer::kTaken ? now() : time;
   }
 
   std::string name_;
