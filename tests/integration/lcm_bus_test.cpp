@@ -158,10 +158,10 @@ TEST_F(LcmBusTest, OthersChannelsWakeNobody) {
 // More than a filter of the kernel holds: then all are heard, and told apart here.
 TEST_F(LcmBusTest, HearsAnyNumberOfChannels) {
   LcmBus sender(test_url(1)), receiver(test_url(1));
+  const auto name = [](int i) { return std::string(50, 'A') + "_" + std::to_string(i); };
   int good = 0;
-  for (int i = 0; i < 500; ++i) receiver.subscribe("CHANNEL_" + std::to_string(i), [&](auto, auto) { ++good; });
-  for (const char* channel : {"CHANNEL_0", "CHANNEL_499", "CHANNEL_500", "OTHER"})
-    ASSERT_TRUE(sender.publish(channel, Bytes{1}));
+  for (int i = 0; i < 200; ++i) receiver.subscribe(name(i), [&](auto, auto) { ++good; });
+  for (const int i : {0, 199, 200}) ASSERT_TRUE(sender.publish(name(i), Bytes{1}));
   EXPECT_TRUE(wait_until(receiver, [&] { return good == 2; }));
   EXPECT_EQ(receiver.drain(), 0);
 }
