@@ -215,11 +215,10 @@ void Planner::work_out_ways(const PlanRequest& request) {
 }
 
 void Planner::build_heuristics(const PlanRequest& request) {
-  const SearchLimits& limits = config_.limits;
   if (!static_key_.serves(request, static_heuristic_age(request))) renew_static_heuristic(request);
   aim_ = static_heuristic_.beside_goal(reachable_.center).value_or(request.goal);
   space_time_heuristic_.build(space_.occupancy(), space_.blocked_m(), &static_heuristic_, reachable_, aim_,
-                              limits.space_min, limits.space_max);
+                              config_.limits.space_min, config_.limits.space_max);
   space_time_key_ = cache_key(request);
 }
 
