@@ -1,5 +1,5 @@
-// Campaigns: rows, resuming, shards, lists of worlds; and a small fixed campaign whose success rate is held. Long because
-// each way to lose rows or to fly a trial twice (kills, locks, full disks, torn lines) is tried.
+// Campaigns: rows, resuming, shards, lists of worlds; and a small fixed campaign whose success rate is held. Long
+// because each way to lose rows or to fly a trial twice (kills, locks, full disks, torn lines) is tried.
 #include "swarm_sim/campaign/campaign.h"
 
 #include <linux/filter.h>
