@@ -8,7 +8,7 @@
 namespace swarm {
 namespace {
 
-constexpr Duration kStaticHeuristicAge = 250ms, kSpaceTimeHeuristicAge = 75ms;
+constexpr Duration kStaticHeuristicAge = 500ms, kSpaceTimeHeuristicAge = 75ms;
 constexpr Duration kAtGoalAge = 1s;  // of the static heuristic, which leads nowhere there
 constexpr double kAtGoal_m = 0.1;
 constexpr double kMarginStep_m = 0.05;

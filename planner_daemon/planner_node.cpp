@@ -76,7 +76,9 @@ void declare(OptionSet& options, PlannerNodeConfig& config) {
               "from the start of planning to the announcement, until that was measured; the plan begins later still by "
               "what the "
               "peers' answers take");
-  options.add("period", &config.period_s, 0, 10, "s", "least time between plans; every newer map is planned with");
+  options.add("period", &config.period_s, 0, 10, "s", "least time between plans");
+  options.add("calm-period", &config.calm_period_s, 0, 10, "s",
+              "the same, while nothing comes into the way of what is flown and the goal stays");
   options.add("stale-map", &config.stale_map_s, 0.05, 10, "s", "an older map is not planned with");
   options.add(
       "clock-error", &planner.space.clock_error_s, 0, 1, "s",
@@ -153,8 +155,9 @@ Refusal PlannerNode::on_sogm(Utime now, std::span<const std::uint8_t> bytes) {
   if (refusal != Refusal::kNone) return refusal;
   const Assembly assembly = assembler_.add(part, &map_);
   if (assembly.status == AssemblyStatus::kComplete) {
-    if (map_is_new_ && is_led()) ++missed_;
+    if (map_is_new_ && !map_can_wait_ && is_led()) ++missed_;
     map_is_new_ = true;
+    map_can_wait_ = false;
   }
   return assembly.refusal;
 }
@@ -282,6 +285,9 @@ Utime PlannerNode::step(Utime now, Outbox& outbox) {
     const bool is_patient = own_->next.empty() && !pending_.empty() && pending_.start_utime() != urgent_start_;
     const Utime latest = std::min(pending_.start_utime(), now + kMaxAhead);
     if (now < due && is_patient && touch_utime(now, latest + kUrgent) != kNever) due = period_due;
+    if (now >= due && !map_can_wait_) map_can_wait_ = is_calm(now);  // looked at once for each map
+    if (map_can_wait_ && planned_to_ == destination())
+      due = std::max(due, plan_.due(now, to_duration(config_.calm_period_s)));
     if (now < due) {
       wake = std::min(wake, due);
     } else {
@@ -294,6 +300,12 @@ Utime PlannerNode::step(Utime now, Outbox& outbox) {
     wake = std::min(wake, status_.due(now, kStatusPeriod));
   }
   return std::max(wake, now + 1us);
+}
+
+// The newest plan leads to where the robot is to go, and what is flown keeps clear of all that is known.
+bool PlannerNode::is_calm(Utime now) const {
+  return newest_ != nullptr && newest_->fly && planned_to_ == destination() &&
+         keeps_clear(*own_, map_, peer_list_, config_.planner.space.blocked_m(), now);
 }
 
 Utime PlannerNode::touch_utime(Utime now, Utime until) const {
@@ -351,6 +363,7 @@ void PlannerNode::plan(Utime now, Outbox& outbox) {
   }
   map_is_new_ = false;
   plan_.done(now);
+  planned_to_ = destination();
   newest_ = &planner_.plan(request_);
   ++plans_;
   plan_times_.push_back(now);

@@ -27,6 +27,7 @@ struct PlannerNodeConfig {
   PlannerConfig planner;
   double lead_s = 0.025;       // from the start of planning to the announcement, until that was measured
   double period_s = 0.04;      // least time between plans
+  double calm_period_s = 0.1;  // the same, while nothing asks for one
   double stale_map_s = 0.35;   // an older SOGM is not planned with
   double clock_limit_s = 0.1;  // messages from further in the future are refused
 };
@@ -62,6 +63,7 @@ class PlannerNode : public Node {
   Refusal on_goal(std::span<const std::uint8_t> bytes);
   Refusal on_flight_status(Utime now, std::span<const std::uint8_t> bytes);
   TimeWindow window(Utime now) const;  // how old maps and announcements may be, and how far ahead
+  bool is_calm(Utime now) const;       // nothing asks for a plan
   // When an obstacle comes within the clearance of what the robot is bound to; kNever: not until then.
   Utime touch_utime(Utime now, Utime until) const;
   Utime start_utime(Utime now, bool is_slow);  // of the next plan
@@ -82,8 +84,9 @@ class PlannerNode : public Node {
   RefusalCounts refused_;
   HeaderSource candidate_headers_, corridor_headers_, status_headers_;
 
-  Sogm map_;                 // the newest complete one
-  bool map_is_new_ = false;  // not planned with yet
+  Sogm map_;                   // the newest complete one
+  bool map_is_new_ = false;    // not planned with yet
+  bool map_can_wait_ = false;  // nor need it be soon: the next one may come first
   SogmAssembler seen_parts_;
   Sogm seen_;                           // two frames: what stands, and what was not seen; none before the first
   Utime ways_utime_{};                  // of the map with which the ways to another goal were worked out last
@@ -119,6 +122,7 @@ class PlannerNode : public Node {
   std::map<int, PeerEntry> peers_;
   std::vector<Peer> peer_list_;  // as heard, handed to the planner
   PlanRequest request_;
+  std::optional<Eigen::Vector3d> planned_to_;  // the destination of the newest plan
 
   const PlanResult* newest_ = nullptr;
   const PlanResult no_plan_{};    // before the first

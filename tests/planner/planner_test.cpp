@@ -343,7 +343,7 @@ TEST(PlannerTest, LooksFarAheadBetweenPlans) {
   const auto end_x = [&](bool prepares) {
     Planner planner(config);
     double x = NAN;
-    for (const auto& [after, is_closed] : {std::pair{0ms, false}, {160ms, false}, {200ms, true}, {240ms, true}}) {
+    for (const auto& [after, is_closed] : {std::pair{0ms, false}, {320ms, false}, {400ms, true}, {480ms, true}}) {
       Sogm sogm = map_at(kStart + after);
       if (is_closed) {
         mark_box(&sogm, {0.8, -1.3, -9}, {1.0, 1.3, 9});
@@ -502,11 +502,11 @@ TEST(PlannerTest, StaticHeuristicServesPlansForAWhile) {
   constexpr double kRounding_s = 0.05;
   EXPECT_NEAR(detour_s(kStart, false, goal), 0.0, kRounding_s);
   EXPECT_NEAR(detour_s(kStart + 100ms, true, goal), 0.0, kRounding_s);
-  EXPECT_NEAR(detour_s(kStart + 175ms, true, goal), 0.0, kRounding_s);
-  EXPECT_GT(detour_s(kStart + 250ms, true, goal), 0.3);
-  EXPECT_GT(detour_s(kStart + 330ms, false, goal), 0.3);
-  EXPECT_NEAR(detour_s(kStart + 340ms, false, {4.5, 0.2, 0.1}), 0.0, kRounding_s);
-  EXPECT_GT(detour_s(kStart + 340ms, true, {4.5, 0.2, 0.1}), 0.3);  // the time has not moved on: another log, a reset
+  EXPECT_NEAR(detour_s(kStart + 425ms, true, goal), 0.0, kRounding_s);
+  EXPECT_GT(detour_s(kStart + 500ms, true, goal), 0.3);
+  EXPECT_GT(detour_s(kStart + 580ms, false, goal), 0.3);
+  EXPECT_NEAR(detour_s(kStart + 590ms, false, {4.5, 0.2, 0.1}), 0.0, kRounding_s);
+  EXPECT_GT(detour_s(kStart + 590ms, true, {4.5, 0.2, 0.1}), 0.3);  // the time has not moved on: another log, a reset
   EXPECT_NEAR(detour_s(kStart, false, {4.5, 0.2, 0.1}), 0.0, kRounding_s);
 }
 
@@ -666,7 +666,7 @@ TEST(PlannerTest, RandomScenesKeepAllPromisesAndRepeatBitForBit) {
       }
     }
     // On the way somewhere: the motion of a plan made in empty space.
-    const Sogm empty = map_at(kStart - 600ms);
+    const Sogm empty = map_at(kStart - 700ms);
     const Vector3d goal = in_box(rng, {-4, -2, -0.8}, {4, 2, 0.8});
     const PlanRequest earlier = make_request(empty, hovering(in_box(rng, {-4, -2, -0.8}, {4, 2, 0.8})), goal);
     Motion own = earlier.own;

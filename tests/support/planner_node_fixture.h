@@ -33,6 +33,7 @@ class PlannerNodeFixture : public Bench<PlannerNode> {
   static PlannerNodeConfig make_config() {
     PlannerNodeConfig config;
     config.robot_id = kRobot;
+    config.calm_period_s = 0.0;  // a plan for each map
     config.planner.limits.space_min = {-8, -8, 0.2};
     config.planner.limits.space_max = {8, 8, 3.8};
     return config;
