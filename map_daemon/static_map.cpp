@@ -59,8 +59,8 @@ StaticMap::StaticMap(const octomap::OcTree& tree, const std::string& path, doubl
   }
 }
 
-bool StaticMap::meets(const Eigen::Vector3d& place, double radius_m) const {
-  const GridGeometry& grid = grid_.geometry;
+bool cubes_meet(const Sogm& cubes, const Eigen::Vector3d& place, double radius_m) {
+  const GridGeometry& grid = cubes.geometry;
   if ((grid.size.array() <= 0).any()) return false;
   const double radius = radius_m / grid.resolution_m;
   const Eigen::Vector3d at = place / grid.resolution_m - grid.origin.cast<double>();  // in voxels from the corner
@@ -75,7 +75,7 @@ bool StaticMap::meets(const Eigen::Vector3d& place, double radius_m) const {
       if (high2 <= 0.0) continue;
       // Cubes [z, z + 1] that overlap (at.z - half, at.z + half).
       const double half = std::sqrt(high2);
-      const std::uint64_t* column = grid_.column(0, x, y);
+      const std::uint64_t* column = cubes.column(0, x, y);
       std::uint64_t any = 0;
       for_each_word_of_run(std::floor(at.z() - half), std::ceil(at.z() + half) - 1.0, grid.size.z(),
                            [&](int word, std::uint64_t bits) { any |= column[word] & bits; });

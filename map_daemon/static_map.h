@@ -11,6 +11,9 @@
 
 namespace swarm {
 
+// Whether an occupied voxel of the first frame, the whole cube, comes closer than `radius_m` to `place` (W [m]).
+bool cubes_meet(const Sogm& cubes, const Eigen::Vector3d& place, double radius_m);
+
 class StaticMap {
  public:
   // Reads an OcTree file (.bt or .ot). A voxel of the lattice of edge `resolution_m` is occupied when its centre lies
@@ -47,7 +50,7 @@ class StaticMap {
 
   // Whether an occupied voxel, the whole cube, comes closer than `radius_m` to `place` (W [m]). Of a map at the file's
   // own resolution and without a margin the cubes are those of the file.
-  bool meets(const Eigen::Vector3d& place, double radius_m) const;
+  bool meets(const Eigen::Vector3d& place, double radius_m) const { return cubes_meet(grid_, place, radius_m); }
 
   // ORs what lies in the window into every frame. `sogm` must have the same resolution.
   void copy_into(Sogm* sogm) const { add_first_frame(grid_, sogm); }

@@ -47,6 +47,7 @@ void ConfigurationSpace::compose(const Sogm& sogm, const std::vector<Peer>& peer
   blocked_.dilator.set(sogm.geometry, blocked_m());
   emergency_.dilator.set(sogm.geometry, options_.radius_m + options_.emergency_clearance_m);
   collision_.dilator.set(sogm.geometry, std::max(0.0, options_.radius_m - options_.collision_depth_m));
+  walls_.see(seen);
   walls_.set_resolution(sogm.geometry.resolution_m);
   // What is too close to a wall although its voxel is free lies within.
   const double least_m = walls_.empty() ? 0.0 : kWallInflation * sogm.geometry.resolution_m;

@@ -1,5 +1,6 @@
-// What an OctoMap file holds, by exact distance: a voxel of configuration space that is free may have a corner that is
-// too close to a wall, and through a door of little more than the robot's width it has to know which.
+// What an OctoMap file holds or, without one, what is seen to stand, by exact distance: a voxel of configuration space
+// that is free may have a corner that is too close to a wall, and through a door of little more than the robot's width
+// it has to know which.
 #pragma once
 
 #include <Eigen/Core>
@@ -17,7 +18,11 @@ class Walls {
   // `static_map`: OctoMap file; empty: no walls. Throws what StaticMap throws.
   Walls(const std::string& static_map, double radius_m);
 
-  bool empty() const { return cubes_.geometry().size.x() == 0; }
+  // What is seen to stand, in its first frame: those are the walls where there is no file. Null: none. Kept by
+  // reference until the next call.
+  void see(const Sogm* standing);
+
+  bool empty() const { return !has_file() && seen_ == nullptr; }
   // For voxels of this edge from now on.
   void set_resolution(double resolution_m);
 
@@ -30,7 +35,7 @@ class Walls {
   bool meet(std::int32_t x, std::int32_t y, std::int32_t z) {
     const std::uint64_t key = key_of(x, y, z);
     Known& known = known_[static_cast<std::size_t>(key * 0x9e3779b97f4a7c15u >> (64 - kKnownBits))];
-    if (known.key != key) known = {key, work_out(x, y, z)};
+    if (known.key != key || known.round != round_) known = {key, round_, work_out(x, y, z)};
     return known.meets;
   }
   bool meet(const Eigen::Vector3d& place) {
@@ -40,6 +45,7 @@ class Walls {
  private:
   struct Known {
     std::uint64_t key;
+    std::uint32_t round;
     bool meets;
   };
   static constexpr int kKnownBits = 16;
@@ -49,11 +55,14 @@ class Walls {
     const auto part = [](std::int32_t value) { return static_cast<std::uint64_t>(std::int64_t{value}) & kMask; };
     return part(x) << 42 | part(y) << 21 | part(z);
   }
+  bool has_file() const { return cubes_.geometry().size.x() > 0; }
   bool work_out(std::int32_t x, std::int32_t y, std::int32_t z) const;
   // Between the middle of an eighth of a voxel and a wall.
   double least_m() const;
 
-  StaticMap cubes_;  // of the file
+  StaticMap cubes_;             // of the file
+  const Sogm* seen_ = nullptr;  // where there is none
+  std::uint32_t round_ = 0;     // of what is seen
   double radius_m_, per_m_ = 20.0;
   std::vector<Known> known_;  // by hash: the newest
 };

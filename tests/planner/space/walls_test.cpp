@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <octomap/OcTree.h>
 
+#include <algorithm>
 #include <cmath>
 #include <vector>
 
@@ -128,6 +129,61 @@ TEST(Walls, WaysLeadThroughNoVoxelThatAWallCloses) {
       EXPECT_LT(walls.way_m(), first * voxel_m) << "a door would be closed";
     }
   }
+}
+
+// Where there is no file, what is seen counts, as it is seen last: a surface lies somewhere inside its cube.
+TEST(Walls, WhatIsSeenIsAWallWithoutAFile) {
+  Rng rng(12);
+  Sogm seen;
+  seen.reset({.resolution_m = 0.1, .origin = {-20, -20, -10}, .size = {40, 40, 20}}, 2, Utime(), 1us);
+  Walls walls("", kRadius_m);
+  walls.set_resolution(0.1);
+  for (int look = 0; look < 3; ++look) {
+    Scene scene{{}, 0.1};
+    std::ranges::fill(seen.words, 0);
+    for (int i = 0; i < 40; ++i) {
+      const Vector3d at = in_box(rng, {-1.5, -1.5, -0.9}, {1.5, 1.5, 0.9});
+      const Vector3i voxel = seen.geometry.voxel_of(at);
+      seen.column(0, voxel.x(), voxel.y())[0] |= std::uint64_t{1} << voxel.z();
+      scene.leaves.push_back(seen.geometry.center_of(voxel));
+      seen.column(1, voxel.y(), voxel.x())[0] |= 1;  // what was not seen is no wall
+    }
+    walls.see(&seen);
+    ASSERT_FALSE(walls.empty());
+    int touched = 0, free = 0;
+    for (int i = 0; i < 20'000; ++i) {
+      const Vector3d place = in_box(rng, {-2, -2, -1.5}, {2, 2, 1.5});
+      const double distance_m = scene.distance(place);
+      if (distance_m < kRadius_m - 0.025) {
+        ASSERT_TRUE(walls.meet(place)) << place.transpose() << ", " << distance_m << " m";
+        ++touched;
+      }
+      if (distance_m > kRadius_m + 0.065) {
+        ASSERT_FALSE(walls.meet(place)) << place.transpose() << ", " << distance_m << " m";
+        ++free;
+      }
+    }
+    EXPECT_GT(touched, 500);
+    EXPECT_GT(free, 500);
+  }
+  walls.see(nullptr);
+  EXPECT_TRUE(walls.empty());
+}
+
+TEST(Walls, AFileSaysMoreThanWhatIsSeen) {
+  const TemporaryDirectory directory;
+  const std::string path = (directory.path() / "cube.bt").string();
+  octomap::OcTree tree(0.1);
+  tree.updateNode(octomap::point3d(0.05f, 0.05f, 0.05f), true);
+  ASSERT_TRUE(tree.writeBinary(path));
+  Walls walls(path, kRadius_m);
+  walls.set_resolution(0.1);
+  Sogm seen;
+  seen.reset({.resolution_m = 0.1, .origin = {-20, -20, -10}, .size = {40, 40, 20}}, 2, Utime(), 1us);
+  seen.column(0, 30, 20)[0] |= std::uint64_t{1} << 10;
+  walls.see(&seen);
+  EXPECT_TRUE(walls.meet(Vector3d(0.05, 0.05, 0.2)));
+  EXPECT_FALSE(walls.meet(Vector3d(1.05, 0.05, 0.05)));
 }
 
 TEST(Walls, WithoutAFileThereAreNone) {
