@@ -285,9 +285,9 @@ Utime PlannerNode::step(Utime now, Outbox& outbox) {
     const bool is_patient = own_->next.empty() && !pending_.empty() && pending_.start_utime() != urgent_start_;
     const Utime latest = std::min(pending_.start_utime(), now + kMaxAhead);
     if (now < due && is_patient && touch_utime(now, latest + kUrgent) != kNever) due = period_due;
-    if (now >= due && !map_can_wait_) map_can_wait_ = is_calm(now);  // looked at once for each map
-    if (map_can_wait_ && planned_to_ == destination())
-      due = std::max(due, plan_.due(now, to_duration(config_.calm_period_s)));
+    const Utime calm_due = plan_.due(now, to_duration(config_.calm_period_s));
+    if (now >= due && now < calm_due && !map_can_wait_) map_can_wait_ = is_calm(now);  // looked at once for each map
+    if (map_can_wait_ && planned_to_ == destination()) due = std::max(due, calm_due);
     if (now < due) {
       wake = std::min(wake, due);
     } else {
