@@ -1,6 +1,7 @@
 #include "swarm_sim/campaign/flight_arguments.h"
 
 #include <algorithm>
+#include <array>
 #include <iostream>
 #include <variant>
 
@@ -30,6 +31,9 @@ void for_each_number(Arguments& arguments, const Visit& visit) {
   visit("link-loss", link.loss, 0, 1, "", "share of the messages between robots that never arrives");
   visit("link-duplicate", link.duplicate, 0, 1, "", "share that arrives twice");
   visit("link-reorder", link.reorder, 0, 1, "", "share that is overtaken by later ones");
+  visit("link-rate-mbps", link.rate_mbps, 0, 54, "Mbit/s",
+        "lock-step: of the 802.11 channel that all robots share, in which they wait for each other and collide: 6, 9, "
+        "12, 18, 24, 36, 48 or 54; 0: they do not");
   visit("clock-offset-ms", arguments.clock_offset_ms, 0, 10'000, "ms",
         "the clock of the robot with the lowest id is so much behind that of the highest; the others lie between");
 }
@@ -97,6 +101,10 @@ void declare(OptionSet& options, FlightArguments& arguments) {
 }
 
 FlightOptions flight_options(const FlightArguments& arguments) {
+  constexpr std::array<double, 9> kRates_mbps = {0, 6, 9, 12, 18, 24, 36, 48, 54};  // of OFDM in 20 MHz
+  if (std::ranges::find(kRates_mbps, arguments.link.rate_mbps) == kRates_mbps.end())
+    throw OptionError("link-rate-mbps " + text_of(arguments.link.rate_mbps) +
+                      ": must be 6, 9, 12, 18, 24, 36, 48 or 54 Mbit/s, or 0");
   FlightOptions options;
   options.time_limit_s = arguments.time_limit_s;
   overlay(arguments.map_config, &options.map);

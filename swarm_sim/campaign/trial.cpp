@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <stdexcept>
 
 #include "lcmtypes/bus/text.h"
@@ -104,7 +105,13 @@ const std::vector<std::string>& trial_columns() {
       for (const char* statistic : {"mean", "p50", "p95", "p99", "max"})
         columns.push_back(std::string(step) + "_" + statistic + "_ms");
     }
-    columns.insert(columns.end(), {"map_p50_ms", "map_p99_ms", "duration_s", "wall_s", "command"});
+    columns.insert(columns.end(), {"map_p50_ms", "map_p99_ms", "commit_p50_ms", "commit_p99_ms", "sent_hz",
+                                   "received_hz", "datagram_bytes"});
+    for (const double rate_mbps : kAirRates_mbps) {
+      columns.push_back("airtime_" + fixed(rate_mbps, 0) + "mbps");
+      columns.push_back("busiest_airtime_" + fixed(rate_mbps, 0) + "mbps");
+    }
+    columns.insert(columns.end(), {"collided_share", "dropped_share", "duration_s", "wall_s", "command"});
     return columns;
   }();
   return kColumns;
@@ -112,6 +119,7 @@ const std::vector<std::string>& trial_columns() {
 
 TrialRow trial_row(const Trial& trial, const World& world, const RunReport& report, const std::string& command) {
   double last_s = 0.0, sum_s = 0.0, tracking_m = 0.0, speed = 0.0, acceleration = 0.0, jump_m = 0.0, step_mps2 = 0.0;
+  double sent_hz = 0.0, received_hz = 0.0;
   double obstacles_m = INFINITY, static_m = INFINITY, robots_m = INFINITY;
   std::int64_t plans = 0;
   for (std::size_t i = 0; i < report.robots.size(); ++i) {
@@ -130,7 +138,10 @@ TrialRow trial_row(const Trial& trial, const World& world, const RunReport& repo
     jump_m = std::max(jump_m, verdict.max_position_jump_m);
     step_mps2 = std::max(step_mps2, verdict.max_acceleration_step_mps2);
     plans += robot.plans;
+    sent_hz += robot.sent_hz;
+    received_hz += robot.received_hz;
   }
+  const auto robots = static_cast<double>(report.robots.size());
   TrialRow row = {trial.name,
                   trial.task,
                   trial.environment,
@@ -143,7 +154,7 @@ TrialRow trial_row(const Trial& trial, const World& world, const RunReport& repo
                   std::to_string(report.forced_commits),
                   std::to_string(report.forced_conflicts),
                   cell_of(last_s, 2),
-                  cell_of(sum_s / static_cast<double>(report.robots.size()), 3),
+                  cell_of(sum_s / robots, 3),
                   cell_of(obstacles_m, 4),
                   cell_of(static_m, 4),
                   cell_of(robots_m, 4),
@@ -157,8 +168,18 @@ TrialRow trial_row(const Trial& trial, const World& world, const RunReport& repo
     for (const double ms : {step.mean_ms, step.p50_ms, step.p95_ms, step.p99_ms, step.max_ms})
       row.push_back(cell_of(ms, 4));
   }
-  row.insert(row.end(), {cell_of(report.mapping.p50_ms, 4), cell_of(report.mapping.p99_ms, 4),
-                         cell_of(report.duration_s, 2), cell_of(report.wall_s, 3), command});
+  row.insert(row.end(),
+             {cell_of(report.mapping.p50_ms, 4), cell_of(report.mapping.p99_ms, 4), cell_of(report.commit.p50_ms, 3),
+              cell_of(report.commit.p99_ms, 3), cell_of(sent_hz / robots, 2), cell_of(received_hz / robots, 2),
+              cell_of(report.air.datagram_bytes, 1)});
+  for (const Airtime& airtime : report.air.airtime) {
+    row.push_back(cell_of(airtime.mean, 4));
+    row.push_back(cell_of(airtime.busiest_second, 4));
+  }
+  const std::optional<RadioCounts>& radio = report.air.radio;
+  row.insert(row.end(),
+             {cell_of(radio ? radio->collided_share() : NAN, 4), cell_of(radio ? radio->dropped_share() : NAN, 4),
+              cell_of(report.duration_s, 2), cell_of(report.wall_s, 3), command});
   return row;
 }
 

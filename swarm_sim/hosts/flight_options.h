@@ -2,7 +2,8 @@
 //
 // The room hosts/ makes flights: run_lockstep() puts the daemons' nodes and the environment's on the event queue of
 // lockstep_host.h, run_processes() starts real daemons around an environment in real time. Between robots stands the
-// link model, in the one on a simulated bus, in the other as a relay. Stands on environment/ and results/.
+// link model, in the one on a simulated bus, in the other as a relay; in lock-step also a channel of the radio. Stands
+// on environment/ and results/.
 #pragma once
 
 #include <filesystem>

@@ -19,6 +19,7 @@ struct LinkOptions {
   double duplicate = 0.0;       // share that arrives twice, each copy with a delay of its own
   double reorder = 0.0;         // share that is held back for up to kHeldBack_ms more, so that later ones overtake it
   std::vector<Outage> outages;  // robots that neither send nor receive
+  double rate_mbps = 0.0;       // of the channel that all share, see radio_channel.h; 0: nobody waits for it
 
   static constexpr double kHeldBack_ms = 200.0;
   bool perfect() const;

@@ -132,19 +132,25 @@ RunReport run_lockstep(const World& world, const OccupiedCubes* static_map, cons
   std::deque<MemoryPromiseStore> promises(world.robots.size());
   std::vector<RobotWork> work(world.robots.size());
   LinkModel link(options.link, seed_of(world.name));
-  BusRecorder recorder(logs, !options.clock_steps.empty(), options.clock_offset_ms);
+  std::optional<RadioChannel> radio;
+  if (options.link.rate_mbps > 0.0) radio.emplace(options.link.rate_mbps, seed_of(world.name + " radio"));
   std::optional<LockstepHost> host(kEpoch);
   Simulation simulation(world, static_map,
                         {options.time_limit_s, options.clock_offset_ms, options.clock_steps, options.state_outages},
                         kEpoch - Simulation::kTick, follow_flight(trace, progress, [&host] { host->stop(); }));
   simulation.start(kEpoch);
+  BusRecorder recorder(logs, !options.clock_steps.empty(), options.clock_offset_ms,
+                       [&](Utime utime) { return simulation.t_s(utime); });
 
   host->listen([&](Utime now, BusId bus, int robot_id, std::string_view channel, std::span<const std::uint8_t> bytes) {
     recorder.hear(now, bus, robot_id, channel, bytes);
   });
-  host->add_bus("swarm", delays.swarm, [&](int from_robot, int to_robot, Utime now) {
-    return link.deliveries(from_robot, to_robot, simulation.t_s(now));
-  });
+  const auto deliveries = [&](int from_robot, int to_robot, Utime now) {
+    const std::span<const Duration> copies = link.deliveries(from_robot, to_robot, simulation.t_s(now));
+    recorder.receive(to_robot, copies.size());
+    return copies;
+  };
+  host->add_bus("swarm", delays.swarm, deliveries, radio ? &*radio : nullptr);
   const auto onboard = [](const WorldRobot& robot) { return "robot " + std::to_string(robot.id); };
   for (std::size_t r = 0; r < world.robots.size(); ++r) {
     const WorldRobot& robot = world.robots[r];
@@ -172,6 +178,7 @@ RunReport run_lockstep(const World& world, const OccupiedCubes* static_map, cons
   const std::chrono::duration<double> wall = stopwatch() - began;
   RunReport report = report_of(simulation, work, wall.count());
   recorder.finish(&report);
+  if (radio) report.air.radio = radio->counts();
   return report;
 }
 

@@ -5,6 +5,7 @@
 #include <tuple>
 
 #include "lcmtypes/bus/node_clock.h"
+#include "swarm_sim/results/air_traffic.h"
 
 namespace swarm {
 
@@ -65,8 +66,8 @@ bool LockstepHost::Event::operator>(const Event& other) const {
 LockstepHost::LockstepHost(Utime begin) : now_(begin) {}
 LockstepHost::~LockstepHost() = default;
 
-void LockstepHost::add_bus(const std::string& name, Duration delay, Link link) {
-  buses_[name] = {delay, std::move(link), {}};
+void LockstepHost::add_bus(const std::string& name, Duration delay, Link link, RadioChannel* radio) {
+  buses_[name] = {.delay = delay, .link = std::move(link), .radio = radio};
 }
 
 std::size_t LockstepHost::add(const Seat& seat, NodeFactory make_node) {
@@ -115,21 +116,51 @@ void LockstepHost::send(const Place& from, BusId id, std::string_view channel, s
   const int robot = from.seat().robot_id;
   if (listener_) listener_(now_, id, robot, channel, bytes);
   Bus& bus = from.bus(id);
-  const auto heard = bus.places.find(channel);
-  if (heard == bus.places.end()) return;
-  const auto shared = std::make_shared<const std::vector<std::uint8_t>>(bytes.begin(), bytes.end());
-  const Utime arrives = now_ + bus.delay + from.seat().work;
-  for (const std::size_t place : heard->second) {
+  if (!bus.places.contains(channel)) return;
+  Message message = {robot, id, std::string(channel),
+                     std::make_shared<const std::vector<std::uint8_t>>(bytes.begin(), bytes.end()),
+                     bus.delay + from.seat().work};
+  if (bus.radio == nullptr) return deliver(bus, message, Whose::kAll);
+  deliver(bus, message, Whose::kOwn);
+  bus.radio->send(now_, robot, datagram_bytes(channel, bytes.size()),
+                  [this, &bus, message = std::move(message)] { deliver(bus, message, Whose::kOthers); });
+  wake_radio(&bus);
+}
+
+void LockstepHost::deliver(const Bus& bus, const Message& message, Whose whose) {
+  for (const std::size_t place : bus.places.find(message.channel)->second) {
     constexpr std::array<Duration, 1> kAtOnce = {0us};
     const int receiver = places_[place]->seat().robot_id;
-    const bool linked = bus.link && receiver != robot;
-    for (const Duration later : linked ? bus.link(robot, receiver, now_) : std::span(kAtOnce)) {
-      events_.push({arrives + later, place, sequence_++, place, What::kMessage, id, std::string(channel), shared});
+    const bool is_own = receiver == message.robot_id;
+    if (whose != Whose::kAll && is_own != (whose == Whose::kOwn)) continue;
+    const bool linked = bus.link && !is_own;
+    for (const Duration later : linked ? bus.link(message.robot_id, receiver, now_) : std::span(kAtOnce)) {
+      events_.push({now_ + message.takes + later, place, sequence_++, place, What::kMessage, message.bus,
+                    message.channel, message.bytes});
     }
   }
 }
 
+// Behind all else of the moment, as the crashes are.
+void LockstepHost::wake_radio(Bus* air) {
+  const Utime due = air->radio->due();
+  if (due >= air->radio_wake) return;
+  air->radio_wake = due;
+  events_.push({.time = due,
+                .order = std::numeric_limits<std::size_t>::max(),
+                .sequence = sequence_++,
+                .place = 0,
+                .what = What::kRadio,
+                .air = air});
+}
+
 void LockstepHost::handle(const Event& event) {
+  if (event.what == What::kRadio) {
+    if (event.time != event.air->radio_wake) return;
+    event.air->radio_wake = kNever;
+    event.air->radio->advance(now_);
+    return wake_radio(event.air);
+  }
   Place& place = *places_[event.place];
   if (event.what == What::kCrash) return place.crash();
   if (event.what == What::kRestart) {

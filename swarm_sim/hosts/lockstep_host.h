@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "lcmtypes/bus/node.h"
+#include "swarm_sim/hosts/radio_channel.h"
 
 namespace swarm {
 
@@ -44,8 +45,9 @@ class LockstepHost {
   LockstepHost(const LockstepHost&) = delete;
   LockstepHost& operator=(const LockstepHost&) = delete;
 
-  // A bus on which messages take `delay`; `link` (may be null) is asked for those between different robots.
-  void add_bus(const std::string& name, Duration delay, Link link = nullptr);
+  // A bus on which messages take `delay`; `link` (may be null) is asked for those between different robots. With a
+  // `radio`, which must outlive the host, those between robots go over it before that.
+  void add_bus(const std::string& name, Duration delay, Link link = nullptr, RadioChannel* radio = nullptr);
   // Makes a node and puts it on its buses. Seats are numbered from 0 in the order in which they are added. Throws
   // std::out_of_range when it subscribes to a bus that there is not.
   std::size_t add(const Seat& seat, NodeFactory make_node);
@@ -67,11 +69,22 @@ class LockstepHost {
   class Place;
   struct Bus {
     Duration delay{};
-    Link link;
-    std::map<std::string, std::vector<std::size_t>, std::less<>> places;  // that listen, by channel
+    Link link{};
+    RadioChannel* radio = nullptr;
+    Utime radio_wake = kNever;  // the wake-up in force; other entries in the queue are void
+    std::map<std::string, std::vector<std::size_t>, std::less<>> places{};  // that listen, by channel
   };
   using Bytes = std::shared_ptr<const std::vector<std::uint8_t>>;
-  enum class What : std::uint8_t { kMessage, kWake, kCrash, kRestart, kClock };
+  enum class What : std::uint8_t { kMessage, kWake, kCrash, kRestart, kClock, kRadio };
+  // Places that hear a message: all, those of the robot that sends it, all others.
+  enum class Whose : std::uint8_t { kAll, kOwn, kOthers };
+  struct Message {
+    int robot_id;  // of the sender
+    BusId bus;
+    std::string channel;
+    Bytes bytes;
+    Duration takes;
+  };
   struct Event {
     Utime time;
     std::size_t order;  // the place, or behind all of them
@@ -79,15 +92,18 @@ class LockstepHost {
     std::size_t place;
     What what;
     BusId bus = BusId::kOnboard;
-    std::string channel;
-    Bytes bytes;
-    Duration by{};  // of kClock
+    std::string channel{};
+    Bytes bytes{};
+    Duration by{};       // of kClock
+    Bus* air = nullptr;  // of kRadio
 
     bool operator>(const Event& other) const;
   };
 
   void push(Utime time, std::size_t place, What what, Duration by = {});
   void send(const Place& from, BusId bus, std::string_view channel, std::span<const std::uint8_t> bytes);
+  void deliver(const Bus& bus, const Message& message, Whose whose);
+  void wake_radio(Bus* air);
   void handle(const Event& event);
 
   Utime now_;

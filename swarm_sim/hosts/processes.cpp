@@ -244,6 +244,8 @@ RunReport run_processes(const World& world, const OccupiedCubes* static_map, con
     throw OptionError("mavlink: with daemons that are started here, by one clock, in one network namespace");
   if (processes.mavlink == "attitude" && world.vehicle.kind != "quadrotor")
     throw OptionError("mavlink: attitude is for --vehicle quadrotor; '" + world.vehicle.kind + "' has none");
+  if (options.link.rate_mbps > 0.0)
+    throw OptionError("link-rate-mbps: only in lock-step; between processes no channel is modelled");
   if (relayed && !processes.netns.empty())
     throw OptionError("netns: between namespaces the network is what it is; no --link-... with it");
 
@@ -253,8 +255,9 @@ RunReport run_processes(const World& world, const OccupiedCubes* static_map, con
   Simulation simulation(simulated, static_map,
                         {options.time_limit_s, options.clock_offset_ms, options.clock_steps, options.state_outages},
                         wall_utime(), follow_flight(trace, progress, [&host] { host.stop(); }));
-  Relay relay(options.link, seed_of(world.name), [&](Utime utime) { return simulation.t_s(utime); });
-  BusRecorder recorder(logs, !options.clock_steps.empty(), options.clock_offset_ms);
+  const auto world_time = [&](Utime utime) { return simulation.t_s(utime); };
+  Relay relay(options.link, seed_of(world.name), world_time);
+  BusRecorder recorder(logs, !options.clock_steps.empty(), options.clock_offset_ms, world_time);
   const std::vector<RobotPlace> places = places_of(world, processes, relayed);
   const std::vector<Duration> clocks = clock_offsets(options.clock_offset_ms, world);
   const std::int32_t boot = new_boot();

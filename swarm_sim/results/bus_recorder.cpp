@@ -11,8 +11,9 @@ void BusRecorder::hear(Utime now, BusId bus, int robot_id, std::string_view chan
   if (count == channels_.end()) count = channels_.try_emplace(std::string(channel)).first;
   ++count->second.messages;
   count->second.bytes += static_cast<std::int64_t>(bytes.size());
-  if (bus == BusId::kSwarm && channel == channel::kAnnouncement)
-    audit_.collect(bytes, clocks_are_set_ ? std::optional(now) : std::nullopt);
+  if (bus != BusId::kSwarm || channel != channel::kAnnouncement) return;
+  audit_.collect(bytes, clocks_are_set_ ? std::optional(now) : std::nullopt);
+  air_.send(world_time_(now), channel, bytes);
 }
 
 void BusRecorder::finish(RunReport* report) {
@@ -22,6 +23,7 @@ void BusRecorder::finish(RunReport* report) {
   }
   audit_.finish();
   report->count_commits(audit_);
+  air_.finish(report);
 }
 
 }  // namespace swarm

@@ -42,7 +42,17 @@ bool CommitAudit::read(std::span<const std::uint8_t> bytes, Announcement* announ
   radius_m->second = std::min<double>(radius_m->second, message.radius);
   announcement->forced_seq = message.forced_seq;
   announcement->motion = motion_of(message);
+  note_delay(message);
   return true;
+}
+
+void CommitAudit::note_delay(const sogm_swarm::announcement_t& message) {
+  if (message.pending_state != sogm_swarm::announcement_t::kCommitted) return;
+  const std::pair trajectory(message.header.boot, message.pending.seq);
+  const auto [newest, is_first] = committed_.try_emplace(message.header.robot_id, trajectory);
+  if (!is_first && trajectory <= newest->second) return;  // it was heard before
+  newest->second = trajectory;
+  delays_ms_.push_back(to_ms(to_utime(message.header.utime) - to_utime(message.pending_stamp)));
 }
 
 void CommitAudit::hear(std::span<const std::uint8_t> bytes, Duration clock_offset) {

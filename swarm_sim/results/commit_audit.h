@@ -7,6 +7,7 @@
 #include <map>
 #include <optional>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "lcmtypes/bus/codec.h"
@@ -41,6 +42,9 @@ class CommitAudit {
   std::int64_t motions() const { return motions_; }  // audited
   std::int64_t forced() const { return forced_; }    // of them
   const std::vector<CommitConflict>& conflicts() const { return conflicts_; }
+  // Of each trajectory that was committed before it began: from when it was announced until it was first said to be
+  // committed [ms].
+  const std::vector<double>& delays_ms() const { return delays_ms_; }
 
  private:
   struct Announcement {
@@ -62,6 +66,7 @@ class CommitAudit {
   };
   // False: it is none.
   bool read(std::span<const std::uint8_t> bytes, Announcement* announcement);
+  void note_delay(const sogm_swarm::announcement_t& message);
   void hear(const Announcement& announcement);
   void hear_collected(std::size_t count);  // so many, the oldest
 
@@ -75,6 +80,8 @@ class CommitAudit {
   std::vector<Announcement> collected_;  // without repetitions
   std::int64_t motions_ = 0, forced_ = 0;
   std::vector<CommitConflict> conflicts_;
+  std::map<int, std::pair<std::int32_t, std::int32_t>> committed_;  // newest next trajectory: boot and seq, by robot
+  std::vector<double> delays_ms_;
 };
 
 // All announcements of a log of the swarm bus. `clock_offset_ms`: as in FlightOptions. Throws std::runtime_error with

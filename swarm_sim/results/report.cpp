@@ -57,8 +57,33 @@ ordered_json to_json(const RobotReport& robot) {
       {"plans", robot.plans},
       {"plan_rate_hz", robot.plan_rate_hz},
       {"missed", robot.missed},
+      {"sent_hz", robot.sent_hz},
+      {"received_hz", std::isfinite(robot.received_hz) ? ordered_json(robot.received_hz) : ordered_json()},
+      {"datagram_bytes", robot.datagram_bytes},
       {"processor", processor.empty() ? ordered_json(nullptr) : processor},
       {"refused", refused}};
+}
+
+ordered_json to_json(const AirReport& air) {
+  ordered_json airtime = ordered_json::array();
+  for (std::size_t i = 0; i < air.airtime.size(); ++i) {
+    airtime.push_back({{"rate_mbps", kAirRates_mbps[i]},
+                       {"share", air.airtime[i].mean},
+                       {"busiest_second", air.airtime[i].busiest_second}});
+  }
+  ordered_json radio;
+  if (air.radio)
+    radio = {{"sent", air.radio->sent}, {"collided", air.radio->collided}, {"dropped", air.radio->dropped}};
+  return {{"datagrams", air.datagrams}, {"datagram_bytes", air.datagram_bytes}, {"airtime", airtime}, {"radio", radio}};
+}
+
+std::vector<std::vector<std::string>> airtime_rows(const AirReport& air) {
+  std::vector<std::vector<std::string>> rows = {{"airtime %", "mean", "busiest second"}};
+  for (std::size_t i = 0; i < air.airtime.size(); ++i) {
+    rows.push_back({"at " + fixed(kAirRates_mbps[i], 0) + " Mbit/s", fixed(100 * air.airtime[i].mean, 1),
+                    fixed(100 * air.airtime[i].busiest_second, 1)});
+  }
+  return rows;
 }
 
 // What each daemon takes of a core, and all of a robot; nothing where that was not measured.
@@ -80,6 +105,12 @@ std::vector<std::vector<std::string>> processor_rows(const RunReport& report) {
     row.push_back(fixed(100 * sum, 2));
   }
   return rows;
+}
+
+std::vector<std::string> timing_row(const char* name, const TimingStats& s) {
+  std::vector<std::string> row = {name};
+  for (const double ms : {s.mean_ms, s.p50_ms, s.p95_ms, s.p99_ms, s.max_ms}) row.push_back(fixed(ms, 3));
+  return row;
 }
 
 TrackingError tracking_error(const std::vector<double>& errors_m) {
@@ -133,6 +164,7 @@ Outcome paper_outcome_of(Outcome outcome, const std::vector<Touch>& touches) {
 }
 
 void RunReport::count_commits(const CommitAudit& audit) {
+  commit = timing_stats(audit.delays_ms());
   forced_commits = audit.forced();
   forced_conflicts = std::ranges::count(audit.conflicts(), true, &CommitConflict::forced);
   commit_conflicts = static_cast<std::int64_t>(audit.conflicts().size()) - forced_conflicts;
@@ -158,6 +190,8 @@ ordered_json to_json(const RunReport& report) {
           {"robots", list(report.robots)},
           {"planning_ms", planning},
           {"mapping_ms", report.mapping.count > 0 ? to_json(report.mapping) : ordered_json(nullptr)},
+          {"commit_ms", to_json(report.commit)},
+          {"air", to_json(report.air)},
           {"channels", channels}};
 }
 
@@ -187,23 +221,26 @@ std::string summary_table(const RunReport& report) {
     if (!robot.is_unreachable || robot.verdict.flight_time_s) continue;
     text.append("  robot ").append(std::to_string(robot.verdict.id)).append(": no way leads to its goal\n");
   }
-  std::vector<std::vector<std::string>> rows = {
-      {"robot", "flight s", "to obstacles m", "to static m", "to robots m", "path m", "plans", "plans/s", "missed"}};
+  std::vector<std::vector<std::string>> rows = {{"robot", "flight s", "to obstacles m", "to static m", "to robots m",
+                                                 "path m", "plans", "plans/s", "missed", "sent/s", "heard/s", "bytes"}};
   for (const RobotReport& robot : report.robots) {
     const RobotVerdict& v = robot.verdict;
     rows.push_back({std::to_string(v.id), fixed(v.flight_time_s.value_or(INFINITY), 2),
                     fixed(v.to_obstacles.distance_m, 3), fixed(v.to_static_map.distance_m, 3),
                     fixed(v.to_robots.distance_m, 3), fixed(v.path_length_m, 2), std::to_string(robot.plans),
-                    fixed(robot.plan_rate_hz, 1), std::to_string(robot.missed)});
+                    fixed(robot.plan_rate_hz, 1), std::to_string(robot.missed), fixed(robot.sent_hz, 1),
+                    fixed(robot.received_hz, 1), fixed(robot.datagram_bytes, 0)});
   }
   text += aligned(rows);
   rows = {{"planning ms", "mean", "p50", "p95", "p99", "max"}};
-  for (std::size_t i = 0; i < kPlanningSteps.size(); ++i) {
-    const TimingStats& s = report.planning[i];
-    rows.push_back({kPlanningSteps[i], fixed(s.mean_ms, 3), fixed(s.p50_ms, 3), fixed(s.p95_ms, 3), fixed(s.p99_ms, 3),
-                    fixed(s.max_ms, 3)});
+  for (std::size_t i = 0; i < kPlanningSteps.size(); ++i)
+    rows.push_back(timing_row(kPlanningSteps[i], report.planning[i]));
+  rows.push_back(timing_row("commit", report.commit));
+  text += aligned(rows) + aligned(airtime_rows(report.air));
+  if (const auto& radio = report.air.radio) {
+    text.append("  lost in collisions ").append(fixed(100 * radio->collided_share(), 1));
+    text.append(" %, in queues ").append(fixed(100 * radio->dropped_share(), 1)).append(" %\n");
   }
-  text += aligned(rows);
   rows = processor_rows(report);
   return rows.empty() ? text : text + aligned(rows);
 }

@@ -5,10 +5,12 @@
 #pragma once
 
 #include <array>
+#include <cmath>
 #include <cstdint>
 #include <filesystem>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -16,6 +18,7 @@
 #include "lcmtypes/bus/codec.h"
 #include "lcmtypes/bus/timing_stats.h"
 #include "swarm_sim/environment/simulation.h"
+#include "swarm_sim/results/air_traffic.h"
 #include "swarm_sim/results/commit_audit.h"
 
 namespace swarm {
@@ -33,6 +36,19 @@ struct ChannelCount {
   std::int64_t lost = 0;      // deliveries that did not take place
 };
 
+// A share of the time; above 1 where more is sent than fits.
+struct Airtime {
+  double mean = 0.0, busiest_second = 0.0;  // over the flight; of its seconds from the start on
+};
+
+// What crossed the air, or would have, of all robots; see air_traffic.h.
+struct AirReport {
+  std::int64_t datagrams = 0;   // sent
+  double datagram_bytes = 0.0;  // mean, with UDP header and seal
+  std::array<Airtime, kAirRates_mbps.size()> airtime{};
+  std::optional<RadioCounts> radio{};  // where the channel was modelled
+};
+
 // How far a robot was from where it was told to be.
 struct TrackingError {
   double p50_m = 0.0, p99_m = 0.0, max_m = 0.0;
@@ -45,6 +61,9 @@ struct RobotReport {
   std::int64_t plans = 0;
   double plan_rate_hz = 0.0;
   std::int64_t missed = 0;                                // maps that arrived while no plan could start in time
+  double sent_hz = 0.0;                                   // datagrams to other robots
+  double received_hz = NAN;                               // datagrams from other robots; not finite: not measured
+  double datagram_bytes = 0.0;                            // mean of those sent, with UDP header and seal
   std::array<std::int64_t, kNumRefusals> refused{};       // by all daemons of the robot, by reason
   std::vector<std::pair<std::string, double>> processor;  // share of a core, by daemon; nothing in lock-step
 };
@@ -64,6 +83,8 @@ struct RunReport {
   std::vector<RobotReport> robots;
   std::array<TimingStats, kPlanningSteps.size()> planning;  // over all robots
   TimingStats mapping;                                      // building and encoding a SOGM; nothing in processes
+  TimingStats commit;                                       // of trajectories, see CommitAudit::delays_ms()
+  AirReport air;
   std::map<std::string, ChannelCount> channels;
 
   void count_commits(const CommitAudit& audit);
@@ -87,7 +108,7 @@ void write_report(const RunReport& report, const std::filesystem::path& path);
 // "robot 1 touched obstacle 3 at 4.20 s".
 std::string line_of(const Touch& touch);
 
-// A small aligned table: outcome, a line per robot, planning times.
+// A small aligned table: outcome, a line per robot, planning times, airtime.
 std::string summary_table(const RunReport& report);
 
 }  // namespace swarm

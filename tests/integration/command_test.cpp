@@ -107,6 +107,9 @@ TEST(RunCommand, BadOptionsAreRefusedByNameValueAndRule) {
   expect({"--wind-mps", "-1"}, {"--wind-mps -1", "[0, 30] m/s"});
   expect({"--sensor-rate", "1000"}, {"--sensor-rate 1000", "[1, 100] Hz"});
   expect({"--link-loss", "1.5"}, {"--link-loss 1.5", "[0, 1]"});
+  expect({"--link-rate-mbps", "60"}, {"--link-rate-mbps 60", "[0, 54]"});
+  expect({"--link-rate-mbps", "7"}, {"link-rate-mbps 7", "6, 9, 12, 18, 24, 36, 48 or 54"});
+  expect({"--mode", "processes", "--link-rate-mbps", "6"}, {"link-rate-mbps", "lock-step"});
   expect({"--link-outage", "1:3:2"}, {"--link-outage", "1:3:2", "ROBOT:FROM_S:TO_S"});
   expect({"--state-outage", "1:3:2"}, {"--state-outage", "1:3:2", "ROBOT:FROM_S:TO_S"});
   expect({"--mode", "processes", "--netns", "far", "--link-delay-ms", "5"}, {"netns", "--link-"});

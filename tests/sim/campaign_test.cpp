@@ -130,6 +130,12 @@ TEST_F(Campaign, ShardsCoverAllTrialsOnceAndMerge) {
     EXPECT_LT(std::stod(cell(rows[i], "max_position_jump_m")), 1e-3);
     EXPECT_GT(std::stod(cell(rows[i], "total_p50_ms")), 0.0);
     EXPECT_GT(std::stod(cell(rows[i], "map_p50_ms")), 0.0);
+    EXPECT_GT(std::stod(cell(rows[i], "commit_p99_ms")), 0.0);
+    EXPECT_GT(std::stod(cell(rows[i], "received_hz")), 10.0);
+    EXPECT_GT(std::stod(cell(rows[i], "datagram_bytes")), 100.0);
+    EXPECT_GT(std::stod(cell(rows[i], "airtime_6mbps")), std::stod(cell(rows[i], "airtime_24mbps")));
+    EXPECT_GT(std::stod(cell(rows[i], "busiest_airtime_24mbps")), 0.0);
+    EXPECT_EQ(cell(rows[i], "collided_share"), "");  // there is no channel
     EXPECT_EQ(cell(rows[i], "command"), "swarm_sim run " + cell(rows[i], "trial") + " --out trial");
   }
   // Files that disagree about a trial are not joined.

@@ -15,13 +15,15 @@ using sogm_swarm::ack_t;
 using sogm_swarm::announcement_t;
 
 Bytes announcement(int robot, std::int64_t seq, const Trajectory& committed, const Trajectory& pending = {},
-                   std::int8_t state = announcement_t::kNone, std::int32_t boot = 1, std::int32_t forced_seq = 0) {
+                   std::int8_t state = announcement_t::kNone, std::int32_t boot = 1, std::int32_t forced_seq = 0,
+                   Utime pending_stamp = kStart) {
   announcement_t message{};
   message.header = make_header(robot, boot, seq, kStart + seq * 1ms);
   message.radius = 0.2f;
   message.committed = committed.to_wire();
   message.pending = pending.to_wire();
   message.pending_state = state;
+  message.pending_stamp = state == announcement_t::kNone ? 0 : to_us(pending_stamp);
   message.forced_seq = forced_seq;
   message.num_acks = 2;
   message.acks = {{-1, 0, ack_t::kNone}, {-1, 0, ack_t::kNone}};
@@ -82,6 +84,20 @@ TEST(CommitAudit, ARestartThatCountsFromTheBeginningIsAudited) {
   audit.hear(announcement(1, 5, kHover1));
   audit.hear(announcement(1, 0, Trajectory::hover(1, kStart, {0.3, 0, 1}), {}, announcement_t::kNone, 2));
   EXPECT_EQ(audit.conflicts().size(), 1u);
+}
+
+// From its announcement until it is first said to be committed; once for each, also where a robot starts anew.
+TEST(CommitAudit, TellsHowLongCommitsTook) {
+  const Trajectory hop = flight(kHover0, {0.1, 0, 1});
+  CommitAudit audit;
+  audit.hear(announcement(0, 4, kHover0, hop, announcement_t::kAnnounced));
+  EXPECT_TRUE(audit.delays_ms().empty());
+  audit.hear(announcement(0, 7, kHover0, hop, announcement_t::kCommitted, 1, 0, kStart + 4ms));
+  audit.hear(announcement(0, 9, kHover0, hop, announcement_t::kCommitted, 1, 0, kStart + 4ms));  // said again
+  audit.hear(announcement(0, 11, hop));
+  audit.hear(announcement(1, 2, kHover1, flight(kHover1, {1.9, 0, 1}), announcement_t::kCommitted));
+  audit.hear(announcement(0, 12, kHover0, hop, announcement_t::kCommitted, 2, 0, kStart + 11ms));
+  EXPECT_EQ(audit.delays_ms(), (std::vector<double>{3.0, 2.0, 1.0}));
 }
 
 // Forced ones are conflicts like others, and said to be forced, also once they are flown.

@@ -161,6 +161,30 @@ TEST_F(LockstepHostTest, TheLinkStandsBetweenRobotsOnly) {
   EXPECT_EQ(diary_, (Diary{"x hears x at 20", "y hears x at 20", "z hears x at 21", "z hears x at 25"}));
 }
 
+// Robots wait for each other in the air, not for themselves; what takes longer by the link does so after that.
+TEST_F(LockstepHostTest, ARadioStandsBetweenRobotsBeforeTheLink) {
+  RadioChannel radio(6, 1);
+  const std::array<Duration, 1> later = {1ms};
+  host_.add_bus(
+      "air", 20us, [&](int, int, Utime) { return std::span<const Duration>(later); }, &radio);
+  add({.robot_id = 1, .onboard = "", .swarm = "air"}, "x", 5ms, BusId::kSwarm);
+  add({.robot_id = 1, .onboard = "", .swarm = "air"}, "y", 0us, BusId::kSwarm);
+  add({.robot_id = 2, .onboard = "", .swarm = "air"}, "z", 0us, BusId::kSwarm);
+  run_until(9ms);
+  ASSERT_EQ(diary_.size(), 6u);
+  EXPECT_EQ(diary_[0], "x hears x at 20");
+  EXPECT_EQ(diary_[1], "y hears x at 20");
+  EXPECT_EQ(diary_[3], "x hears x at 5020");
+  const Duration least = frame_duration(datagram_bytes("A", 1), 6) + 1020us;
+  for (const std::size_t i : {2u, 5u}) {
+    ASSERT_EQ(diary_[i].substr(0, 13), "z hears x at ");
+    const Duration took = Duration(std::stoi(diary_[i].substr(13))) - (i == 2 ? 0ms : 5ms);
+    EXPECT_GE(took, least);
+    EXPECT_LE(took, least + RadioChannel::kMostHandOver);
+  }
+  EXPECT_EQ(radio.counts().sent, 2);
+}
+
 TEST_F(LockstepHostTest, ACrashedNodeHearsAndSaysNothingUntilItIsMadeAgain) {
   add({.onboard = "own"}, "x", 100us);
   const std::size_t y = add({.onboard = "own"}, "y", 1ms);

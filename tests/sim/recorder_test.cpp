@@ -128,8 +128,13 @@ RunReport example() {
   report.robots[0].plan_rate_hz = 9.97;
   report.robots[0].refused[static_cast<std::size_t>(Refusal::kCrc)] = 3;
   report.robots[0].processor = {{"map", 0.0125}, {"planner", 0.01}};
+  report.robots[0].sent_hz = 45.04;
+  report.robots[0].received_hz = 135.0;
+  report.robots[0].datagram_bytes = 171.6;
   report.robots[1].verdict.id = 22;
   report.planning[5] = timing_stats({1.0, 2.0, 3.0});
+  report.commit = timing_stats({4.0});
+  report.air = {1518, 182.5, {{{0.0826, 0.1316}, {0.0378, 0.0586}}}, RadioCounts{1500, 30, 3}};
   report.channels["TRAJECTORY"] = {100, 50000, 7};
   return report;
 }
@@ -152,6 +157,16 @@ TEST_F(RunFiles, ReportTellsEverythingAndWhatIsUnknownIsNull) {
   EXPECT_EQ(json["robots"][1]["max_speed"], (nlohmann::json{0.0, 0.0, 0.0}));
   EXPECT_EQ(json["planning_ms"]["total"]["p50"], 2.0);
   EXPECT_EQ(json["planning_ms"]["search"]["count"], 0);
+  EXPECT_EQ(json["robots"][0]["sent_hz"], 45.04);
+  EXPECT_EQ(json["robots"][0]["received_hz"], 135.0);
+  EXPECT_EQ(json["robots"][0]["datagram_bytes"], 171.6);
+  EXPECT_TRUE(json["robots"][1]["received_hz"].is_null());
+  EXPECT_EQ(json["commit_ms"]["p99"], 4.0);
+  EXPECT_EQ(json["air"], nlohmann::json::parse(R"({"datagrams": 1518, "datagram_bytes": 182.5, "airtime": [
+                           {"rate_mbps": 6.0, "share": 0.0826, "busiest_second": 0.1316},
+                           {"rate_mbps": 24.0, "share": 0.0378, "busiest_second": 0.0586}],
+                           "radio": {"sent": 1500, "collided": 30, "dropped": 3}})"));
+  EXPECT_TRUE(to_json(RunReport())["air"]["radio"].is_null());
   EXPECT_EQ(json["channels"]["TRAJECTORY"], (nlohmann::json{{"messages", 100}, {"bytes", 50000}, {"lost", 7}}));
   EXPECT_EQ(std::distance(fs::directory_iterator(directory_), {}), 1);
 }
@@ -161,9 +176,12 @@ TEST(Summary, TableIsAlignedAndTellsTheTouches) {
   EXPECT_EQ(table,
             "cross-mixed-20-7: collision after 11.50 s (lock-step, 0.00 s of wall time)\n"
             "  robot 1 touched obstacle 4 at 3.25 s\n"
-            "  robot  flight s  to obstacles m  to static m  to robots m  path m  plans  plans/s  missed\n"
-            "      1      9.12          -0.010            -            -    0.00     91     10.0       0\n"
-            "     22         -               -            -            -    0.00      0      0.0       0\n"
+            "  robot  flight s  to obstacles m  to static m  to robots m  path m  plans  plans/s  missed  sent/s  "
+            "heard/s  bytes\n"
+            "      1      9.12          -0.010            -            -    0.00     91     10.0       0    45.0  "
+            "  135.0    172\n"
+            "     22         -               -            -            -    0.00      0      0.0       0     0.0  "
+            "      -      0\n"
             "  planning ms   mean    p50    p95    p99    max\n"
             "      compose  0.000  0.000  0.000  0.000  0.000\n"
             "       search  0.000  0.000  0.000  0.000  0.000\n"
@@ -172,6 +190,11 @@ TEST(Summary, TableIsAlignedAndTellsTheTouches) {
             "        check  0.000  0.000  0.000  0.000  0.000\n"
             "        total  2.000  2.000  3.000  3.000  3.000\n"
             "      prepare  0.000  0.000  0.000  0.000  0.000\n"
+            "       commit  4.000  4.000  4.000  4.000  4.000\n"
+            "     airtime %  mean  busiest second\n"
+            "   at 6 Mbit/s   8.3            13.2\n"
+            "  at 24 Mbit/s   3.8             5.9\n"
+            "  lost in collisions 2.0 %, in queues 0.2 %\n"
             "  % of a core   map  planner   all\n"
             "      robot 1  1.25     1.00  2.25\n")
       << table;
