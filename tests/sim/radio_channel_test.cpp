@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <filesystem>
 #include <string>
 
 #include "swarm_sim/hosts/lockstep.h"
@@ -49,7 +50,7 @@ TEST_F(RadioChannelTest, AFreeChannelIsTakenAtOnce) {
 // Of all that is sent in the same moment over and over, either both are heard, with at least a DIFS between them, or
 // neither is.
 TEST_F(RadioChannelTest, OfTwoAtOnceOneWaitsOrBothAreLost) {
-  int lost = 0, delivered = 0;
+  int lost = 0;
   for (int i = 0; i < 2'000; ++i) {
     const Duration at = i * 10ms;
     heard_.clear();
@@ -60,7 +61,6 @@ TEST_F(RadioChannelTest, OfTwoAtOnceOneWaitsOrBothAreLost) {
       ++lost;
       continue;
     }
-    ++delivered;
     ASSERT_EQ(heard_.size(), 2u);
     const Duration gap = heard_[1].first - heard_[0].first;
     ASSERT_GE(gap, kFrame + kDifs);
@@ -80,7 +80,7 @@ TEST_F(RadioChannelTest, SaturatedRobotsCollideAsBianchiSays) {
     SCOPED_TRACE(robots);
     RadioChannel channel(6, 3);
     std::int64_t delivered = 0;
-    for (Duration at{}; at < 40s; at += 10ms) {  // 200 a robot and second are more than fit
+    for (Duration at{}; at < 40s; at += 10ms) {  // more than 30 in 10 ms, which are more than fit
       channel.advance(kStart + at);
       for (int copy = 0; copy < 30 / robots + 1; ++copy) {
         for (int robot = 0; robot < robots; ++robot) channel.send(kStart + at, robot, kBytes, [&] { ++delivered; });
@@ -128,7 +128,7 @@ TEST(RadioFlights, ADeterministicChannelLosesSome) {
   const World world = make_world(Task::kCircle, Environment::kEmpty, 0, 3, {.robots = 6, .circle_m = 3.0});
   FlightOptions options;
   options.link.rate_mbps = 6;
-  const auto fly = [&](const fs::path& out) {
+  const auto fly = [&](const std::filesystem::path& out) {
     BusLog logs(out, {0, 1, 2, 3, 4, 5});
     const RunReport report = run_lockstep(world, nullptr, options, {}, &logs, nullptr, nullptr);
     logs.close();
