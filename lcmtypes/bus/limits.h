@@ -8,6 +8,7 @@
 #include "sogm_swarm/corridors_t.hpp"
 #include "sogm_swarm/depth_image_t.hpp"
 #include "sogm_swarm/goal_t.hpp"
+#include "sogm_swarm/last_words_t.hpp"
 #include "sogm_swarm/lidar_scan_t.hpp"
 #include "sogm_swarm/obstacle_voxels_t.hpp"
 #include "sogm_swarm/obstacles_t.hpp"
@@ -63,6 +64,7 @@ inline constexpr Duration kMaxAhead = 2s;    // it begins
 inline constexpr Duration kMaxMotion = 10s;  // it ends: so long may a robot fly by a clock that is wrong
 
 static_assert(sogm_swarm::depth_image_t::kMaxSensors == kMaxSensors, "sensors of both kinds are counted together");
+static_assert(sogm_swarm::last_words_t::kMaxBytes == kMaxPackedBytes, "the same announcements");
 static_assert(kMaxParts * kMaxPartBytes <= kMaxCompressedMapBytes, "what parts can carry may be said");
 static_assert(kMaxVoxelsPerFrame / 8 <= kMaxMapBytes, "a frame fits a map");
 static_assert(sizeof(sogm_swarm::trajectory_t::knots) / sizeof(sogm_swarm::trajectory_t::knots[0]) ==

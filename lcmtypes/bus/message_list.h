@@ -36,4 +36,5 @@
   MESSAGE(planner_status_t, SWARM_ON(kPlannerStatus, "PLANNER_STATUS", kOnboard))                                     \
   MESSAGE(broadcast_status_t, SWARM_ON(kBroadcastStatus, "BROADCAST_STATUS", kOnboard))                               \
   MESSAGE(packed_announcement_t, SWARM_ON(kAnnouncement, "ANNOUNCEMENT", kSwarm),                                     \
-          SWARM_ARRAY(num_bytes, packed, 1, kMaxPackedBytes))
+          SWARM_ARRAY(num_bytes, packed, 1, kMaxPackedBytes))                                                         \
+  MESSAGE(last_words_t, SWARM_ON(kLastWords, "LAST_WORDS", kSwarm), SWARM_ARRAY(num_bytes, packed, 1, kMaxPackedBytes))

@@ -289,6 +289,7 @@ void code(Bits& bits, std::int64_t utime, std::int32_t seq, trajectory_t& m) {
 }
 
 // Boots are near each other, as robots start together: by their differences to the sender's, all in the same width.
+// Whether a robot was given up is said of each as soon as one was.
 template <class Bits>
 void code_acks(Bits& bits, std::int32_t boot, std::vector<ack_t>& acks) {
   std::uint64_t width = 0;
@@ -298,17 +299,27 @@ void code_acks(Bits& bits, std::int32_t boot, std::vector<ack_t>& acks) {
   }
   bits.bits(6, width);
   if (width > 32) bits.refuse(), width = 0;
+  const auto gives_up = [](const ack_t& ack) { return ack.verdict == ack_t::kGivenUp; };
+  bool gives_up_any = std::ranges::any_of(acks, gives_up);
+  flag(bits, gives_up_any);
   for (ack_t& ack : acks) {
     bool is_heard = ack.peer_boot >= 0, is_judged = ack.judged_seq > 0, is_nack = ack.verdict == ack_t::kNack;
+    bool is_given_up = gives_up(ack);
+    if (gives_up_any) flag(bits, is_given_up);
     flag(bits, is_heard);
     if (!is_heard) {
-      ack = {-1, 0, ack_t::kNone};
+      ack = {-1, 0, is_given_up ? ack_t::kGivenUp : ack_t::kNone};
       continue;
     }
     std::uint64_t difference = zigzag(std::int64_t{ack.peer_boot} - boot);
     bits.bits(static_cast<int>(width), difference);
     set_checked(bits, boot + unzigzag(difference), ack.peer_boot);
     if (ack.peer_boot < 0) bits.refuse();
+    if (is_given_up) {
+      whole(bits, ack.judged_seq);
+      ack.verdict = ack_t::kGivenUp;
+      continue;
+    }
     flag(bits, is_judged);
     ack.verdict = ack_t::kNone;
     if (!is_judged) continue;
@@ -374,6 +385,26 @@ Refusal unpack(const packed_announcement_t& packed, announcement_t* message) {
   code(bits, *message);
   if (const Refusal refusal = bits.finish(); refusal != Refusal::kNone) return refusal;
   return validate(*message);
+}
+
+last_words_t last_words_of(announcement_t* message) {
+  packed_announcement_t packed = pack(message);
+  last_words_t words;
+  words.robot_id = packed.header.robot_id;
+  words.boot = packed.header.boot;
+  words.seq = packed.header.seq;
+  words.utime = packed.header.utime;
+  words.num_bytes = packed.num_bytes;
+  words.packed = std::move(packed.packed);
+  return words;
+}
+
+Refusal unpack(const last_words_t& words, announcement_t* message) {
+  packed_announcement_t packed;
+  packed.header = {0, words.header.schema_version, words.robot_id, words.boot, words.seq, words.utime};
+  packed.num_bytes = words.num_bytes;
+  packed.packed = words.packed;
+  return unpack(packed, message);
 }
 
 void encode_packed(announcement_t* message, std::vector<std::uint8_t>* bytes) {

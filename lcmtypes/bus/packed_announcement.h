@@ -8,6 +8,7 @@
 
 #include "lcmtypes/bus/codec.h"
 #include "sogm_swarm/announcement_t.hpp"
+#include "sogm_swarm/last_words_t.hpp"
 #include "sogm_swarm/packed_announcement_t.hpp"
 
 namespace swarm {
@@ -25,5 +26,10 @@ sogm_swarm::packed_announcement_t pack(sogm_swarm::announcement_t* message);
 // The same from and to bytes. In the header of what is refused by decode() itself nothing may be believed.
 void encode_packed(sogm_swarm::announcement_t* message, std::vector<std::uint8_t>* bytes);
 [[nodiscard]] Refusal decode_packed(std::span<const std::uint8_t> bytes, sogm_swarm::announcement_t* message);
+
+// An announcement that is repeated, as it was, for a robot that says nothing any more; its header is set apart from
+// that of who repeats it. The same refusals.
+sogm_swarm::last_words_t last_words_of(sogm_swarm::announcement_t* message);
+[[nodiscard]] Refusal unpack(const sogm_swarm::last_words_t& words, sogm_swarm::announcement_t* message);
 
 }  // namespace swarm

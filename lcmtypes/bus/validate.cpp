@@ -113,8 +113,9 @@ Refusal validate(const announcement_t& m) {
   bool consistent = m.committed.seq > 0 && (m.pending.seq == 0) == (m.pending_state == announcement_t::kNone);
   for (const ack_t& ack : m.acks) {
     values_ok =
-        values_ok && ack.peer_boot >= -1 && ack.judged_seq >= 0 && within(ack.verdict, ack_t::kNone, ack_t::kNack);
-    consistent = consistent && (ack.judged_seq == 0) == (ack.verdict == ack_t::kNone) &&
+        values_ok && ack.peer_boot >= -1 && ack.judged_seq >= 0 && within(ack.verdict, ack_t::kNone, ack_t::kGivenUp);
+    const bool judges = ack.verdict == ack_t::kAck || ack.verdict == ack_t::kNack;
+    consistent = consistent && (ack.verdict == ack_t::kGivenUp || (ack.judged_seq != 0) == judges) &&
                  (ack.peer_boot >= 0 || ack.judged_seq == 0);
   }
   return verdict(values_ok, consistent);
@@ -122,6 +123,10 @@ Refusal validate(const announcement_t& m) {
 
 Refusal validate(const packed_announcement_t& m) {
   return verdict(m.num_bytes >= 1);
+}
+
+Refusal validate(const last_words_t& m) {
+  return verdict(m.robot_id >= 0 && m.boot >= 0 && m.seq >= 0 && utime_ok(m.utime) && m.num_bytes >= 1);
 }
 
 Refusal validate(const corridors_t& m) {

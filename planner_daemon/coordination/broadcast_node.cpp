@@ -27,9 +27,13 @@ constexpr Duration kLegPeriod = 200ms;  // between proposals of the way up or do
 constexpr Duration kClockDoubt = 1s;
 constexpr Duration kLively = 300ms;            // after news, at most
 constexpr std::int64_t kMostLost = 1'000'000;  // that are counted, of a peer: the sum of all fits its field
-constexpr int kMostJudged = 4;                 // peers at once: far less time than between two setpoints
-constexpr double kHere_m = 0.02;               // a robot that stands is where it is bound to be
-constexpr double kResume_m = 0.5;              // a kept motion is gone on with where the robot is so close to it
+constexpr Duration kNeverHeard = 10s;          // after its start a robot has heard all that are there
+constexpr Duration kSlept = 500ms;             // between two steps: far more than between two setpoints
+constexpr Duration kVotePeriod = 100ms;
+constexpr Duration kWordsPeriod = 500ms;  // and fifty times as seldom as announcements may come
+constexpr int kMostJudged = 4;            // peers at once: far less time than between two setpoints
+constexpr double kHere_m = 0.02;          // a robot that stands is where it is bound to be
+constexpr double kResume_m = 0.5;         // a kept motion is gone on with where the robot is so close to it
 
 double wrap_angle(double angle) {
   return std::remainder(angle, 2 * std::numbers::pi);
@@ -61,6 +65,9 @@ void declare(OptionSet& options, BroadcastConfig& config) {
               "repetition right after news, as long as peers wait for them: they may get lost");
   options.add("swarm-rate", &config.swarm_rate_hz, 1, 100'000, "Hz",
               "announcements of all robots of the roster together, at most");
+  options.add("give-up-after", &config.give_up_after_s, 0, 1e6, "s",
+              "a peer that was not heard for so long, 10 s after the start one that was never heard: once the majority "
+              "of robots did not hear it, the others go on around it; 0: they wait for it for ever");
   options.add("setpoint-rate", &config.setpoint_rate_hz, 1, 1000, "Hz", "of setpoints");
   options.add("yaw-rate-max", &config.yaw_rate_max_radps, 0, 100, "rad/s",
               "how fast the robot turns into its direction of flight");
@@ -108,6 +115,8 @@ BroadcastNode::BroadcastNode(const BroadcastConfig& config, PromiseStore& store,
       store_(store),
       kept_(load_promise(store, config.robot_id, first_boot)),
       announcement_headers_(config.robot_id, kept_.boot),
+      own_headers_(config.robot_id, kept_.boot),
+      words_headers_(config.robot_id, kept_.boot),
       setpoint_headers_(config.robot_id, kept_.boot),
       status_headers_(config.robot_id, kept_.boot),
       flight_headers_(config.robot_id, kept_.boot),
@@ -121,20 +130,22 @@ BroadcastNode::BroadcastNode(const BroadcastConfig& config, PromiseStore& store,
   robots.insert(config.robot_id);
   places_.assign(robots.begin(), robots.end());
   for (const auto& [id, peer] : protocol_.peers()) links_[id];
+  protocol_.remember(kept_.roster_crc, kept_.acks);
   gap_ = to_duration(static_cast<double>(places_.size()) / config.swarm_rate_hz);
 }
 
 std::vector<Subscription> BroadcastNode::subscriptions() const {
   return {{BusId::kOnboard, channel::kRobotState},    {BusId::kOnboard, channel::kCandidate},
           {BusId::kOnboard, channel::kOwnTrajectory}, {BusId::kOnboard, channel::kFlightOrder},
-          {BusId::kOnboard, channel::kVehicleStatus}, {BusId::kSwarm, channel::kAnnouncement}};
+          {BusId::kOnboard, channel::kVehicleStatus}, {BusId::kSwarm, channel::kAnnouncement},
+          {BusId::kSwarm, channel::kLastWords}};
 }
 
 void BroadcastNode::on_message(Utime now, BusId bus, std::string_view channel, std::span<const std::uint8_t> bytes,
                                Outbox&) {
   Refusal refusal = Refusal::kNone;
   if (bus == BusId::kSwarm) {
-    refusal = on_peer(now, bytes);
+    refusal = channel == channel::kLastWords ? on_last_words(now, bytes) : on_peer(now, bytes);
   } else if (channel == channel::kRobotState) {
     refusal = on_state(now, bytes);
   } else if (channel == channel::kCandidate) {
@@ -182,7 +193,7 @@ Refusal BroadcastNode::on_state(Utime now, std::span<const std::uint8_t> bytes) 
     first = {Trajectory::hover(first.seq() + 1, now, position), {}};
   }
   protocol_.start(first, kept_.forced_seq);
-  keep(now, protocol_.state());
+  keep(now, protocol_.promise());
   yaw_rad_ = state.yaw;
   return Refusal::kNone;
 }
@@ -220,7 +231,7 @@ void BroadcastNode::fly(Utime now) {
   const bool rests_here = is_here(now) && is_here(motion()->end_utime());
   if (flight_.take_rests_here() && !rests_here) {
     protocol_.force(Trajectory::hover(1, now, measured_.position));
-    keep(now, protocol_.state());
+    keep(now, protocol_.promise());
     tracking_.back_on_course();
   }
   if (now < leg_.due(now, kLegPeriod) || !protocol_.pending().empty()) return;
@@ -241,13 +252,18 @@ void BroadcastNode::track(Utime now, const sogm_swarm::robot_state_t& state) {
     spdlog::warn("off course: the robot is {:.2f} m from its motion; it goes on from where it is",
                  tracking_.newest_m());
   protocol_.force(Trajectory::braking(1, utime, position, velocity, config_.limits));
-  keep(now, protocol_.state());
+  keep(now, protocol_.promise());
   tracking_.back_on_course();
 }
 
-void BroadcastNode::keep(Utime now, announcement_t promise) {
+bool BroadcastNode::keep(Utime now, announcement_t promise) {
   promise.header = promise_headers_.next(now);
   store_fails_ = !store_.save(promise_bytes(promise, flight_.status()));
+  return !store_fails_;
+}
+
+CommitProtocol::Keep BroadcastNode::keeper(Utime now) {
+  return [this, now](const announcement_t& promise) { return keep(now, promise); };
 }
 
 Refusal BroadcastNode::on_candidate(Utime now, std::span<const std::uint8_t> bytes) {
@@ -310,7 +326,7 @@ Refusal BroadcastNode::on_peer(Utime now, std::span<const std::uint8_t> bytes) {
   if (refusal != Refusal::kNone) return refusal;
   refusal = admit(message, from_peer, lately, in_order);
   if (refusal == Refusal::kRobot && message.header.robot_id == config_.robot_id)  // multicast returns our own
-    return identity_.is_of_twin(now, message.header) ? Refusal::kRobot : Refusal::kNone;
+    return identity_.is_of_twin(now, BusId::kSwarm, message.header) ? Refusal::kRobot : Refusal::kNone;
   if (refusal == Refusal::kTime) on_other_time(now, &message);
   if (refusal != Refusal::kNone) return refusal;
   const int id = message.header.robot_id;
@@ -346,6 +362,73 @@ void BroadcastNode::on_other_time(Utime now, announcement_t* message) {
   link.is_of_other_time = true;
 }
 
+// By a clock that is doubted it is not known when its robot moved.
+Refusal BroadcastNode::on_last_words(Utime now, std::span<const std::uint8_t> bytes) {
+  sogm_swarm::last_words_t words;
+  announcement_t message;
+  const auto from_peer = [this](const sogm_swarm::last_words_t& m) {
+    return links_.contains(m.header.robot_id) && links_.contains(m.robot_id) ? Refusal::kNone : Refusal::kRobot;
+  };
+  const TimeWindow lately{now, kMaxAge, to_duration(config_.clock_error_s)};
+  Refusal refusal = decode(bytes, &words);
+  if (refusal == Refusal::kNone && words.header.robot_id == config_.robot_id) return Refusal::kNone;  // our own
+  if (refusal == Refusal::kNone) refusal = admit(words, from_peer, lately, AnyOrder());
+  if (refusal == Refusal::kNone) refusal = unpack(words, &message);
+  if (refusal == Refusal::kNone && !protocol_.is_of_roster(message)) refusal = Refusal::kRobot;
+  if (refusal != Refusal::kNone) return refusal;
+  if (!clocks_agree(now)) return Refusal::kTime;
+  const CommitProtocol::Peer& peer = protocol_.peers().at(words.robot_id);
+  if (std::pair(words.boot, words.seq) <= std::pair(peer.boot, peer.seq)) return Refusal::kNone;  // known
+  protocol_.learn(message, keeper(now));
+  links_.at(words.robot_id).last_words = std::move(message);
+  return Refusal::kNone;
+}
+
+bool BroadcastNode::is_silent(Utime now, const Link& link) const {
+  const Duration after = to_duration(config_.give_up_after_s);
+  if (after == 0us) return false;
+  return link.boot >= 0 ? now - link.heard >= after : now - *began_ >= std::max(after, kNeverHeard);
+}
+
+void BroadcastNode::give_up(Utime now) {
+  if (!motion()) return;
+  if (!began_) began_ = stepped_ = now;
+  if (const Duration slept = now - stepped_; slept > kSlept) {  // who has slept has heard nobody
+    for (auto& [id, link] : links_) link.heard += slept;
+    *began_ += slept;
+  }
+  stepped_ = now;
+  if (protocol_.is_given_up() && !identity_.has_twin(now) && identity_.start_anew(now)) {
+    set_boot(identity_.boot());
+    keep(now, protocol_.promise());
+  }
+  if (now < vote_.due(now, kVotePeriod)) return;
+  vote_.done(now);
+  for (const auto& [id, link] : links_) {
+    if (!is_silent(now, link) || !protocol_.give_up(id, keeper(now))) continue;
+    spdlog::warn("robot {} {}: given up here", id, link.boot < 0 ? "was never heard" : "has fallen silent");
+  }
+}
+
+void BroadcastNode::repeat_last_words(Utime now, Outbox& outbox) {
+  const Duration period = std::max<Duration>(kWordsPeriod, 50 * gap_);
+  if (now < words_.due(now, period)) return;
+  words_.done(now);
+  for (auto& [id, link] : links_) {
+    const CommitProtocol::Peer& peer = protocol_.peers().at(id);
+    if (!peer.heard || !(peer.given_up || peer.is_never_answered())) continue;
+    if (clocks_agree(now) && protocol_.must_repeat(id)) {
+      sogm_swarm::last_words_t words = last_words_of(&link.last_words);
+      words.header = words_headers_.next(now);
+      outbox.publish(BusId::kSwarm, channel::kLastWords, words);
+    }
+    announcement_t message = link.last_words;
+    shift(offered_step_, &message);
+    message.header.utime = to_us(now + offered_step_);  // a planner that started since takes it as new
+    outbox.publish(BusId::kOnboard, channel::kPeerTrajectory, message);
+  }
+}
+
 Utime BroadcastNode::judge_due(Utime now, Link& link) const {
   link.may_be_judged = std::min(link.may_be_judged, now + gap_);  // the clock may have been set back
   return link.waits ? std::max(link.may_be_judged, now) : kNever;
@@ -359,22 +442,27 @@ void BroadcastNode::judge_peers(Utime now, Outbox& outbox) {
     auto& [id, link] = *waits_longest;
     if (judge_due(now, link) > now) return;
     link.may_be_judged = std::clamp(link.may_be_judged, now - gap_ / 2, now) + gap_ / 2;
-    if (!link.is_of_other_time) protocol_.receive(now, link.newest);
+    if (!link.is_of_other_time) {
+      protocol_.receive(now, link.newest, keeper(now));
+      const CommitProtocol::Peer& peer = protocol_.peers().at(id);
+      if (std::pair(peer.boot, peer.seq) == std::pair(link.newest.header.boot, link.newest.header.seq))
+        link.last_words = link.newest;
+    }
     shift(offered_step_, &link.newest);
     outbox.publish(BusId::kOnboard, channel::kPeerTrajectory, link.newest);
     link.waits = false;
     if (link.is_of_other_time) continue;
     if (identity_.outdo(now, protocol_.peers().at(id).our_boot, protocol_.commits() > 0)) {
       set_boot(identity_.boot());
-      if (motion()) keep(now, protocol_.state());
+      if (motion()) keep(now, protocol_.promise());
     }
   }
 }
 
 // From here on messages are of this start.
 void BroadcastNode::set_boot(std::int32_t boot) {
-  for (HeaderSource* headers :
-       {&announcement_headers_, &setpoint_headers_, &status_headers_, &flight_headers_, &promise_headers_})
+  for (HeaderSource* headers : {&announcement_headers_, &own_headers_, &words_headers_, &setpoint_headers_,
+                                &status_headers_, &flight_headers_, &promise_headers_})
     *headers = HeaderSource(config_.robot_id, boot);
   protocol_.set_boot(boot);
 }
@@ -382,7 +470,7 @@ void BroadcastNode::set_boot(std::int32_t boot) {
 Refusal BroadcastNode::on_own(Utime now, std::span<const std::uint8_t> bytes) {
   announcement_t message;
   const Refusal refusal = receive(bytes, FromRobot{config_.robot_id}, {now}, AnyOrder(), &message);
-  if (refusal != Refusal::kNone || !identity_.is_of_twin(now, message.header)) return refusal;
+  if (refusal != Refusal::kNone || !identity_.is_of_twin(now, BusId::kOnboard, message.header)) return refusal;
   identity_.give_way(now, message.header.boot);
   return Refusal::kRobot;
 }
@@ -412,15 +500,18 @@ bool BroadcastNode::on_clock_step(Utime now, Duration step) {
   for (auto& [id, link] : links_) {  // what they differed by is not what they differ by
     link.clock = ClockOffset();
     link.heard += step;
+    shift(step, &link.last_words);
     link.may_be_judged += step;
   }
+  if (began_) *began_ += step;
+  stepped_ += step;
   // As long as it takes to measure the clocks anew, and as peers may fly on by theirs.
   clock_doubt_until_ = then + (links_.empty() ? kClockDoubt : kMaxMotion);
   clock_set_until_ = then + kMaxMotion;
   doubt_ = {};
   in_vain_ = {};
   protocol_.set_clock(then, step);
-  if (motion()) keep(then, protocol_.state());
+  if (motion()) keep(then, protocol_.promise());
   return true;
 }
 
@@ -436,14 +527,16 @@ void BroadcastNode::advance(Utime now) {
 
 void BroadcastNode::commit(Utime now) {
   if (identity_.has_twin(now) || !protocol_.may_commit(now)) return;
-  protocol_.commit([&](const announcement_t& promise) { return keep(now, promise), !store_fails_; });
-  if (!store_fails_) in_vain_ = {};
+  if (!protocol_.commit(keeper(now))) return;
+  in_vain_ = {};
+  has_own_news_ = true;
 }
 
 Utime BroadcastNode::step(Utime now, Outbox& outbox) {
   advance(now);
   commit(now);
   judge_peers(now, outbox);
+  give_up(now);
   if (motion()) fly(now);
   advance(now);
   commit(now);
@@ -451,11 +544,15 @@ Utime BroadcastNode::step(Utime now, Outbox& outbox) {
   Utime wake = now + kStatusPeriod;
   for (auto& [id, link] : links_) wake = std::min(wake, judge_due(now, link));
   if (motion()) {
-    if (protocol_.take_news()) {
+    if (const CommitProtocol::News news = protocol_.take_news(); news != CommitProtocol::News::kNone) {
+      if (!has_news_) has_answers_alone_ = true, answers_since_ = now;
+      if (news == CommitProtocol::News::kMore) has_answers_alone_ = false;
       has_news_ = true;
       news_.done(now);
     }
     if (now >= announce_due(now)) announce(now, outbox);
+    if (has_own_news_) publish_own(now, protocol_.state(), outbox);
+    repeat_last_words(now, outbox);
     if (now >= setpoint_.due_on_grid(now, setpoint_period)) {
       if (!identity_.gives_way(now)) publish_setpoint(now, outbox);
       setpoint_.done(now);
@@ -467,7 +564,7 @@ Utime BroadcastNode::step(Utime now, Outbox& outbox) {
     status_.done(now);
   }
   if (flight_.take_news()) {
-    if (motion()) keep(now, protocol_.state());
+    if (motion()) keep(now, protocol_.promise());
     flight_status_ = Recurring();
   }
   if (now >= flight_status_.due(now, kStatusPeriod)) {
@@ -477,9 +574,14 @@ Utime BroadcastNode::step(Utime now, Outbox& outbox) {
   return std::max(std::min({wake, status_.due(now, kStatusPeriod), flight_status_.due(now, kStatusPeriod)}), now + 1us);
 }
 
-// News at once, and again soon while somebody waits for them, for they may get lost.
+// News at once, but for answers: the first of several waits for others, a little longer than announcements are apart.
+// And again soon while somebody waits for them, for they may get lost.
 Utime BroadcastNode::announce_due(Utime now) {
-  if (has_news_) return news_may_go_ = std::min(news_may_go_, now + gap_);  // the clock may have been set back
+  if (has_news_) {  // the clock may have been set back
+    news_may_go_ = std::min(news_may_go_, now + gap_);
+    answers_since_ = std::min(answers_since_, now);
+    return has_answers_alone_ ? std::max(news_may_go_, answers_since_ + gap_ + gap_ / 20) : news_may_go_;
+  }
   const bool is_lively = now < news_.due(now, kLively) && protocol_.is_awaited(now);
   const double period_s = is_lively ? config_.lively_s : protocol_.rests(now) ? config_.rest_s : config_.announce_s;
   return announcement_.due(now, std::max(gap_, to_duration(period_s)));
@@ -488,17 +590,27 @@ Utime BroadcastNode::announce_due(Utime now) {
 void BroadcastNode::announce(Utime now, Outbox& outbox) {
   announcement_t message = protocol_.state();
   message.header = announcement_headers_.next(now);
-  identity_.said(message.header, offered_step_);
+  identity_.said(BusId::kSwarm, message.header);
   if (const auto link = links_.find(told_about(message.header)); link != links_.end()) {
     const auto delay = link->second.clock.least_delay();
     if (delay) message.least_delay_us = static_cast<std::int32_t>(delay->count());
   }
   outbox.publish(BusId::kSwarm, channel::kAnnouncement, pack(&message));
-  shift(offered_step_, &message);
-  outbox.publish(BusId::kOnboard, channel::kOwnTrajectory, message);
+  publish_own(now, std::move(message), outbox);
+  protocol_.said();
   has_news_ = false;
   announcement_.done(now);
   news_may_go_ = std::clamp(news_may_go_, now - gap_, now) + gap_;
+}
+
+// As it was announced, and when the planner has to know before peers do.
+void BroadcastNode::publish_own(Utime now, announcement_t message, Outbox& outbox) {
+  message.header.utime = to_us(now);
+  shift(offered_step_, &message);
+  message.header = own_headers_.next(to_utime(message.header.utime));
+  identity_.said(BusId::kOnboard, message.header);
+  outbox.publish(BusId::kOnboard, channel::kOwnTrajectory, message);
+  has_own_news_ = false;
 }
 
 void BroadcastNode::publish_setpoint(Utime now, Outbox& outbox) {

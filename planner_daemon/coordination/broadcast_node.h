@@ -34,6 +34,7 @@ struct BroadcastConfig {
   double rest_s = 0.1;          // the same while the robot hovers
   double lively_s = 0.02;       // the same right after news, while somebody waits for them
   double swarm_rate_hz = 1000;  // announcements of all robots together, at most
+  double give_up_after_s = 2;   // a peer that was not heard for so long; 0: never
   double setpoint_rate_hz = 100;
   double yaw_rate_max_radps = 1.5;
   double error_bound_m = 0.3;  // at most: so far from its motion the robot is expected to be
@@ -77,9 +78,9 @@ class BroadcastNode : public Node {
     std::int32_t boot = -1, lost = 0;
     std::int64_t seq = 0;
 
-    sogm_swarm::announcement_t newest;
-    bool waits = false;     // the newest, to be judged
-    Utime may_be_judged{};  // no earlier
+    sogm_swarm::announcement_t newest, last_words;  // what the protocol knows is the second
+    bool waits = false;                             // the newest, to be judged
+    Utime may_be_judged{};                          // no earlier
 
     bool is_of_other_time = false;  // what waits: where the peer is, with times set to ours, is for the planner alone
     SequenceGate other_time;
@@ -92,12 +93,18 @@ class BroadcastNode : public Node {
   void track(Utime now, const sogm_swarm::robot_state_t& state);
   Refusal on_candidate(Utime now, std::span<const std::uint8_t> bytes);
   Refusal on_peer(Utime now, std::span<const std::uint8_t> bytes);
+  Refusal on_last_words(Utime now, std::span<const std::uint8_t> bytes);
   // What a peer says by a clock that is wrong, or was heard since ours was set: nothing that was promised is known by
   // it, but where the peer is.
   void on_other_time(Utime now, sogm_swarm::announcement_t* message);
   // Has what waits from peers judged and relayed: of each peer the newest, twice as often as it may speak at most, and
   // of few peers at once. The rest waits until after the setpoint.
   void judge_peers(Utime now, Outbox& outbox);
+  // Those that were not heard for too long; and starts anew where that was this one.
+  void give_up(Utime now);
+  bool is_silent(Utime now, const Link& link) const;
+  // Of those that were given up: to peers that know less, and to a planner that started since.
+  void repeat_last_words(Utime now, Outbox& outbox);
   Utime judge_due(Utime now, Link& link) const;  // kNever: nothing waits
   Utime announce_due(Utime now);
   void set_boot(std::int32_t boot);
@@ -113,7 +120,8 @@ class BroadcastNode : public Node {
   void commit(Utime now);                                    // what is agreed on
   void fly(Utime now);                                       // from the ground to the ground: what comes next by itself
   FlightState::Robot robot(Utime now) const;                 // of flight_; there is a motion
-  void keep(Utime now, sogm_swarm::announcement_t promise);  // see store_fails_
+  bool keep(Utime now, sogm_swarm::announcement_t promise);  // see store_fails_
+  CommitProtocol::Keep keeper(Utime now);
   bool clocks_agree(Utime now) const { return offered_step_ == 0us && now > clock_doubt_until_; }
   void doubt_clock_of(int id, Utime now, Duration ahead);  // by so much it is ahead, or more
   std::int16_t state(Utime now) const;                     // one of broadcast_status_t's
@@ -122,6 +130,7 @@ class BroadcastNode : public Node {
   int told_about(const sogm_swarm::header_t& header) const;
 
   void announce(Utime now, Outbox& outbox);
+  void publish_own(Utime now, sogm_swarm::announcement_t message, Outbox& outbox);
   void publish_setpoint(Utime now, Outbox& outbox);
   void publish_status(Utime now, Outbox& outbox);
   void publish_flight_status(Utime now, Outbox& outbox);
@@ -129,7 +138,8 @@ class BroadcastNode : public Node {
   BroadcastConfig config_;
   PromiseStore& store_;
   KeptPromise kept_;
-  HeaderSource announcement_headers_, setpoint_headers_, status_headers_, flight_headers_, promise_headers_;
+  HeaderSource announcement_headers_, own_headers_, words_headers_, setpoint_headers_, status_headers_, flight_headers_,
+      promise_headers_;
   CommitProtocol protocol_;
   Identity identity_;
   TrackingMonitor tracking_;
@@ -143,13 +153,17 @@ class BroadcastNode : public Node {
   double yaw_rad_ = 0.0;
   bool store_fails_ = false;
 
-  Duration gap_{};             // between announcements on average, at least: two may go at once
-  Utime news_may_go_{};        // no earlier
+  Duration gap_{};                  // between announcements on average, at least: two may go at once
+  Utime news_may_go_{};             // no earlier
+  bool has_answers_alone_ = false;  // of the news
+  Utime answers_since_{};
   Utime clock_doubt_until_{};  // a peer's message came from the future, or its clock was found wrong
   Utime clock_set_until_{};    // our clock was set lately
   Duration offered_step_{};    // of the wall clock, which is followed when the robot rests; 0: it was not set
-  bool has_news_ = false;
-  Recurring news_, announcement_, setpoint_, status_, flight_status_, leg_;
+  bool has_news_ = false, has_own_news_ = false;  // for peers; for the planner
+  std::optional<Utime> began_;                    // to wait for peers that were never heard
+  Utime stepped_{};
+  Recurring vote_, words_, news_, announcement_, setpoint_, status_, flight_status_, leg_;
   std::int32_t candidates_ = 0;
   struct InVain {  // candidates since one was committed, or any could be
     int count = 0;

@@ -1,6 +1,7 @@
 #include "planner_daemon/coordination/commit_protocol.h"
 
 #include <algorithm>
+#include <limits>
 #include <utility>
 
 #include "lcmtypes/bus/crc32.h"
@@ -15,6 +16,21 @@ using sogm_swarm::announcement_t;
 namespace {
 
 constexpr double kRounding_m = 1e-3;  // of positions on the wire and of motions that touch a distance
+
+// As an acknowledgement says it.
+std::int32_t number_of(std::int64_t seq) {
+  return static_cast<std::int32_t>(std::clamp<std::int64_t>(seq, 0, std::numeric_limits<std::int32_t>::max()));
+}
+bool gives_up(const ack_t& ack) {
+  return ack.verdict == ack_t::kGivenUp;
+}
+// Of robots: two each and one more for the lowest id, so that two halves are never even.
+bool is_majority(std::size_t votes, std::size_t num_robots) {
+  return 2 * votes > 2 * num_robots + 1;
+}
+std::size_t votes_of(std::size_t place) {
+  return place == 0 ? 3 : 2;
+}
 
 }  // namespace
 
@@ -40,6 +56,20 @@ CommitProtocol::CommitProtocol(const Rules& rules) : rules_(rules) {
   }
   roster_crc_ = static_cast<std::int32_t>(crc32(ids));
   peers_.erase(rules.robot_id);
+}
+
+void CommitProtocol::remember(std::int32_t roster_crc, const std::vector<ack_t>& acks) {
+  if (roster_crc != roster_crc_ || acks.size() != num_robots()) return;
+  std::size_t place = 0;
+  for (auto& [id, peer] : peers_) {
+    if (place == place_) ++place;
+    const ack_t& kept = acks[place++];
+    peer.boot = kept.peer_boot;
+    peer.is_forgotten = kept.peer_boot >= 0;
+    if (!gives_up(kept) || kept.peer_boot < 0) continue;
+    peer.given_up_boot = kept.peer_boot;
+    peer.given_up_seq = kept.judged_seq;
+  }
 }
 
 void CommitProtocol::start(const Motion& motion, std::int32_t forced_seq) {
@@ -79,7 +109,7 @@ void CommitProtocol::force(const Trajectory& motion) {
 
 bool CommitProtocol::all_hear() const {
   return std::all_of(peers_.begin(), peers_.end(),
-                     [](const auto& entry) { return entry.second.heard && entry.second.hears_us; });
+                     [](const auto& entry) { return entry.second.given_up || entry.second.hears_us; });
 }
 
 bool CommitProtocol::free_of(const Trajectory& trajectory, const Motion& other, double other_radius_m) const {
@@ -97,6 +127,10 @@ bool CommitProtocol::keeps_off(const Trajectory& trajectory, const Motion& bound
   return motions_separated({trajectory, {}}, bound, start, stays_m);
 }
 
+bool CommitProtocol::keeps_off_tombstone(const Trajectory& trajectory, const Peer& peer) const {
+  return peer.pending.empty() || keeps_off(trajectory, {peer.motion.committed, peer.pending}, peer);
+}
+
 Rejection CommitProtocol::propose(Utime now, const Trajectory& candidate, bool urgent) {
   if (!motion_) return Rejection::kNoCommitted;
   if (!urgent && !all_hear()) return Rejection::kWaiting;
@@ -105,7 +139,9 @@ Rejection CommitProtocol::propose(Utime now, const Trajectory& candidate, bool u
   for (const auto& [id, peer] : peers_) {
     if (!peer.heard) continue;
     if (!keeps_off(candidate, peer.motion, peer)) return Rejection::kConflict;
-    if (peer.acknowledged() && !free_of(candidate, {peer.motion.committed, peer.pending}, peer.radius_m))
+    if (peer.given_up && !keeps_off_tombstone(candidate, peer)) return Rejection::kConflict;
+    if (!peer.given_up && peer.acknowledged() &&
+        !free_of(candidate, {peer.motion.committed, peer.pending}, peer.radius_m))
       return Rejection::kConflict;
   }
   if (!pending_.empty()) withdraw();  // a newer plan replaces the one that waits
@@ -122,35 +158,62 @@ bool CommitProtocol::is_of_roster(const announcement_t& message) const {
          message.acks.size() == peers_.size() + 1;
 }
 
-void CommitProtocol::receive(Utime now, const announcement_t& message) {
-  if (!is_of_roster(message)) return;
-  const auto entry = peers_.find(message.header.robot_id);
-  Peer& peer = entry->second;
-  if (!peer.heard || peer.boot != message.header.boot) {  // nothing said before counts
-    const double least_radius_m = peer.heard ? peer.least_radius_m : message.radius;
-    peer = Peer();
-    peer.heard = news_ = true;
-    peer.least_radius_m = least_radius_m;
+void CommitProtocol::receive(Utime now, const announcement_t& message, const Keep& keep) {
+  Peer* const peer = take(message, keep);
+  if (peer == nullptr) return;
+  judge(now, message.header.robot_id, peer);
+  if (peer->is_never_answered() || bears_on_votes(message)) count_votes();
+}
+
+void CommitProtocol::learn(const announcement_t& message, const Keep& keep) {
+  if (take(message, keep) != nullptr) count_votes();
+}
+
+bool CommitProtocol::bears_on_votes(const announcement_t& message) const {
+  return std::any_of(message.acks.begin(), message.acks.end(), gives_up) ||
+         std::any_of(peers_.begin(), peers_.end(), [](const auto& entry) { return entry.second.given_up; });
+}
+
+CommitProtocol::Peer* CommitProtocol::take(const announcement_t& message, const Keep& keep) {
+  if (!is_of_roster(message)) return nullptr;
+  Peer& peer = peers_.at(message.header.robot_id);
+  if (std::pair(message.header.boot, message.header.seq) <= std::pair(peer.boot, peer.seq)) return nullptr;
+  if (peer.boot != message.header.boot) {  // nothing said before counts
+    const Peer before = std::exchange(peer, Peer());
+    if (before.heard) peer.least_radius_m = before.least_radius_m;
     peer.boot = message.header.boot;
+    if (motion_ && !keep(promise())) {
+      peer = before;
+      return nullptr;
+    }
   }
+  news_ = news_ || !peer.heard;
+  peer.heard = true;
+  peer.seq = message.header.seq;
   peer.radius_m = message.radius;
-  peer.least_radius_m = std::min(peer.least_radius_m, peer.radius_m);
+  peer.least_radius_m = peer.least_radius_m > 0.0 ? std::min(peer.least_radius_m, peer.radius_m) : peer.radius_m;
   peer.motion = motion_of(message);
   peer.pending = pending_of(message);
   peer.stamp = to_utime(message.pending_stamp);
+  peer.acks = message.acks;
   const ack_t& about_us = message.acks[place_];
   peer.our_boot = about_us.peer_boot;
-  peer.hears_us = peer.our_boot == rules_.boot;
+  peer.hears_us = peer.our_boot == rules_.boot && !gives_up(about_us);
   peer.our_seq = peer.hears_us ? about_us.judged_seq : 0;
   peer.our_verdict = peer.hears_us ? about_us.verdict : ack_t::kNone;
-  judge(now, entry->first, &peer);
+  peer.is_forgotten = peer.is_forgotten && !peer.hears_us;
+  return &peer;
 }
 
 void CommitProtocol::judge(Utime now, int peer_id, Peer* peer) {
-  if (peer->pending.empty() || peer->pending.seq() <= peer->judged_seq || !motion_) return;
+  if (peer->pending.empty() || !motion_ || peer->is_never_answered()) return;
+  if (peer->pending.seq() <= peer->judged_seq) {
+    is_asked_again_ = true;
+    return;
+  }
   peer->judged_seq = peer->pending.seq();
   peer->verdict = ack_t::kAck;
-  news_ = news_ || peer_id > rules_.robot_id;                                                // it waits for the answer
+  answers_ = true;
   const bool late = peer->pending.start_utime() + to_duration(rules_.clock_error_s) <= now;  // by any clock
   if (late || !keeps_off(peer->pending, *motion_, *peer)) {
     peer->verdict = ack_t::kNack;
@@ -161,6 +224,73 @@ void CommitProtocol::judge(Utime now, int peer_id, Peer* peer) {
       withdraw();
     }
   }
+}
+
+bool CommitProtocol::give_up(int id, const Keep& keep) {
+  Peer& peer = peers_.at(id);
+  if (!motion_ || peer.is_never_answered() || peer.is_forgotten) return false;
+  const std::int32_t boot_before = std::exchange(peer.given_up_boot, peer.boot);
+  const std::int64_t seq_before = std::exchange(peer.given_up_seq, peer.seq);
+  if (!keep(promise())) {
+    peer.given_up_boot = boot_before;
+    peer.given_up_seq = seq_before;
+    return false;
+  }
+  news_ = true;
+  count_votes();
+  return true;
+}
+
+// One after the other: who was given up has no vote any more.
+void CommitProtocol::count_votes() {
+  std::size_t place = 0;
+  for (auto& [id, peer] : peers_) {
+    if (place == place_) ++place;
+    const std::size_t at = place++;
+    const auto knows_later_start = [&](const auto& other) {
+      return other.first != id && !other.second.given_up && other.second.heard &&
+             other.second.acks[at].peer_boot > peer.boot;
+    };
+    if (std::any_of(peers_.begin(), peers_.end(), knows_later_start)) {
+      peer.given_up = false;
+    } else if (!peer.given_up && are_enough(at, peer)) {
+      peer.given_up = news_ = true;
+    }
+  }
+}
+
+bool CommitProtocol::are_enough(std::size_t place, const Peer& peer) const {
+  std::size_t votes = peer.is_voted_out() ? votes_of(place_) : 0, voter = 0;
+  for (const auto& [id, other] : peers_) {
+    if (voter == place_) ++voter;
+    const std::size_t at = voter++;
+    if (at == place || other.given_up || !other.heard) continue;
+    const ack_t& vote = other.acks[place];
+    const bool knows_no_more = vote.peer_boot < 0 || (peer.heard && vote.judged_seq <= number_of(peer.seq));
+    if (gives_up(vote) && vote.peer_boot == peer.boot && knows_no_more) votes += votes_of(at);
+  }
+  return is_majority(votes, num_robots());
+}
+
+bool CommitProtocol::must_repeat(int id) const {
+  const auto found = peers_.find(id);
+  const Peer& peer = found->second;
+  if (!peer.heard || !peer.is_voted_out()) return false;
+  const auto place = static_cast<std::size_t>(std::distance(peers_.begin(), found)) + (id > rules_.robot_id ? 1 : 0);
+  return std::any_of(peers_.begin(), peers_.end(), [&](const auto& entry) {
+    const auto& [other_id, other] = entry;
+    if (other_id == id || other.given_up || !other.heard) return false;
+    const ack_t& ack = other.acks[place];
+    if (ack.peer_boot != peer.boot) return ack.peer_boot < peer.boot;
+    return !gives_up(ack) || ack.judged_seq < number_of(peer.seq);
+  });
+}
+
+bool CommitProtocol::is_given_up() const {
+  return std::any_of(peers_.begin(), peers_.end(), [this](const auto& entry) {
+    const Peer& peer = entry.second;
+    return peer.heard && gives_up(peer.acks[place_]) && peer.our_boot == rules_.boot;
+  });
 }
 
 void CommitProtocol::advance(Utime now) {
@@ -177,7 +307,8 @@ void CommitProtocol::advance(Utime now) {
 bool CommitProtocol::everybody_agrees() const {
   return !doubts_clocks_ && all_hear() && std::all_of(peers_.begin(), peers_.end(), [this](const auto& entry) {
     const auto& [id, peer] = entry;
-    return rules_.robot_id < id || (peer.our_seq == pending_.seq() && peer.our_verdict == ack_t::kAck);
+    return peer.given_up ||
+           (peer.our_seq == pending_.seq() && (rules_.robot_id < id || peer.our_verdict == ack_t::kAck));
   });
 }
 
@@ -187,26 +318,28 @@ bool CommitProtocol::may_commit(Utime now) const {
   if (!agreed && !(urgent_ && now >= pending_.start_utime() - kLastMoment)) return false;
   return std::all_of(peers_.begin(), peers_.end(), [this, agreed](const auto& entry) {
     const auto& [id, peer] = entry;
-    const bool judged_there = agreed && id < rules_.robot_id;  // our P against its C
+    const bool judged_there = agreed && id < rules_.robot_id && !peer.given_up;  // our P against its C
     if (peer.heard && !judged_there && !keeps_off(pending_, peer.motion, peer)) return false;
+    if (peer.given_up) return keeps_off_tombstone(pending_, peer);
     const bool counts = agreed ? peer.acknowledged() : !peer.pending.empty();
     return !counts || free_of(pending_, {peer.motion.committed, peer.pending}, peer.radius_m);
   });
 }
 
-void CommitProtocol::commit(const std::function<bool(const announcement_t&)>& keep) {
+bool CommitProtocol::commit(const Keep& keep) {
   const std::int32_t forced_before = forced_seq_;
   motion_->next = pending_;
   if (!everybody_agrees()) forced_seq_ = pending_.seq();
-  if (!keep(state())) {
+  if (!keep(promise())) {
     motion_->next = Trajectory();
     forced_seq_ = forced_before;
-    return withdraw();
+    withdraw();
+    return false;
   }
   pending_ = Trajectory();
   ++commits_;
-  forced_ += forced_seq_ != forced_before;
-  news_ = true;
+  if (forced_seq_ != forced_before) ++forced_, news_ = true;
+  return true;
 }
 
 void CommitProtocol::withdraw() {
@@ -234,24 +367,38 @@ announcement_t CommitProtocol::state() const {
   for (const auto& [id, peer] : peers_) {
     if (message.acks.size() == place_) message.acks.push_back({-1, 0, ack_t::kNone});
     const bool counts = !peer.pending.empty() && peer.pending.seq() == peer.judged_seq;  // else its peer has gone on
-    message.acks.push_back({peer.boot, counts ? peer.judged_seq : 0, counts ? peer.verdict : ack_t::kNone});
+    if (peer.is_never_answered()) {
+      message.acks.push_back({peer.boot, 0, ack_t::kNone});
+      if (peer.is_voted_out()) message.acks.back() = {peer.boot, number_of(peer.seq), ack_t::kGivenUp};
+    } else {
+      message.acks.push_back({peer.boot, counts ? peer.judged_seq : 0, counts ? peer.verdict : ack_t::kNone});
+    }
   }
   if (message.acks.size() == place_) message.acks.push_back({-1, 0, ack_t::kNone});
   message.num_acks = static_cast<std::int16_t>(message.acks.size());
   return message;
 }
 
-bool CommitProtocol::take_news() {
-  return std::exchange(news_, false);
+announcement_t CommitProtocol::promise() const {
+  announcement_t message = state();
+  std::size_t place = 0;
+  for (const auto& [id, peer] : peers_) {
+    if (place == place_) ++place;
+    ack_t& ack = message.acks[place++];
+    if (peer.is_never_answered()) ack = {peer.boot, number_of(peer.given_up_seq), ack_t::kGivenUp};
+  }
+  return message;
+}
+
+CommitProtocol::News CommitProtocol::take_news() {
+  const bool answers = std::exchange(answers_, false);
+  if (std::exchange(news_, false)) return News::kMore;
+  return answers ? News::kAnswers : News::kNone;
 }
 
 bool CommitProtocol::is_awaited(Utime now) const {
   if (!pending_.empty() || !all_hear()) return true;
-  if (motion_ && motion_->seq() == forced_seq_ && now < motion_->end_utime()) return true;
-  return std::any_of(peers_.begin(), peers_.end(), [&](const auto& entry) {
-    const auto& [id, peer] = entry;
-    return id > rules_.robot_id && !peer.pending.empty() && now < peer.pending.start_utime();
-  });
+  return is_asked_again_ || (motion_ && motion_->seq() == forced_seq_ && now < motion_->end_utime());
 }
 
 Utime CommitProtocol::due_utime(Utime now) const {

@@ -9,32 +9,51 @@
 //     C; of two P in conflict the older stamp wins (then the lower id), and the loser is refused or withdrawn; all else
 //     is acknowledged. An acknowledgement binds: the peer's P counts as flown until a newer announcement of the peer no
 //     longer shows it. It never expires.
-//  3. Commit before t_b, when every roster peer was heard and has heard this start of the daemon and, for each of them,
-//     (this robot holds the pair, or the peer acknowledged P) and P is free of what it acknowledged and, if it holds,
-//     free of the peer's C. The commit is on disk before it is announced or flown.
+//  3. Commit before t_b, when every peer that was not given up was heard, has heard this start of the daemon and has
+//     judged P, with an acknowledgement where it holds the pair, and P is free of what this robot acknowledged and, if
+//     it holds, free of the peer's C. The commit is on disk before it is announced or flown.
 //  4. Withdraw P at t_b, or when a holder refuses it. A number is never used again.
 //  5. Restart: C comes from the disk, `boot` grows (where nothing was kept, or the robot is elsewhere, C is to hover
 //     where it is: nobody was asked, but that is where it is). A new boot of a peer voids what it acknowledged, its P
 //     and the verdict on it. Nothing is committed before every peer has echoed the new boot: it then no longer relies
 //     on anything this robot said before the crash.
 //  6. Last resort: a P that is urgent, because the robot will be hit on C, is committed a moment before t_b without
-//     everybody's word, when it is free of every C and P that is known. Such a P is `forced`; it may meet what a holder
-//     that has not answered commits meanwhile, what a peer commits that has not echoed this start (it may rely on an
-//     answer from before), or a robot that was never heard. Two robots that are closer than they may be since then may
-//     commit what does not bring them nearer.
+//     everybody's word, when it is free of every C and P that is known. Such a P is `forced`; it may meet what others
+//     force meanwhile, what a peer commits that has not echoed this start (it may rely on an answer from before), or a
+//     robot that was never heard. Two robots that are closer than they may be since then may commit what does not bring
+//     them nearer.
 //  7. A robot that is off its motion by up to an error bound announces its radius with it; what is new keeps that off.
 //     Robots that are closer than that, but no closer than they may be without it, may likewise commit what does not
 //     bring them nearer. One that has lost its motion altogether is bound to how it comes to rest: that is forced.
+//  8. Give up: who does not hear a peer votes it out, for the boot of it that is known (-1: never heard), and says up to
+//     which of its announcements it is known. Such a boot is never answered again: the vote is on disk before it is
+//     said, as is each new boot of a peer before it is echoed. Who has restarted since it answered that boot, and was
+//     not echoed by it, does not know what it answered, and has no vote on it.
+//     A robot counts a peer as given up when a majority of the whole roster votes so, itself and robots that it has not
+//     given up, that know no more of it than itself (of the lowest id the vote is one and a half, so that of two robots
+//     one goes on). Whoever knows more repeats the last announcement for the others. Nobody that was given up is
+//     waited for; its C, its next and its newest P, whatever the verdict, are kept off for ever, each as if it were
+//     flown. It is waited for again as soon as it, or any robot that is not given up, shows a later boot of it; and
+//     whoever sees that its own boot was voted out takes the next one (rule 5).
 // Every announcement is the whole state (C, P, verdicts on what peers still announce), repeated for ever, and only
 // newer ones (boot, seq) are read: so losses heal, and duplicates and reordering change nothing.
 //
-// Why it is safe, but for what is forced: what an asker flies or may still commit is always among what the holder knows
-// (its C, or a P that the holder acknowledged and keeps), and the holder commits nothing that conflicts with that. An
-// asker commits nothing without the holder's word, given against the holder's own C and P. Who waits for whom: an asker
-// for the answers of robots with lower ids, a robot that starts for everybody's echo. A robot that falls silent keeps
-// its C (and its acknowledged P) for ever: its holders fly on around it, its askers come to rest where they promised
-// to. Nobody waits in a circle, for ids only fall: the lowest id that flies waits for nobody, and so on upwards; a P
-// that loses to another is withdrawn, not kept waiting.
+// Why it is safe, but for what is forced. Of two robots that wait for each other: what an asker flies or may still
+// commit is always among what the holder knows (its C, or a P that the holder acknowledged and keeps), and the holder
+// commits nothing that conflicts with that. An asker commits nothing without the holder's word, given against the
+// holder's own C and P.
+// Whoever commits has not given up a majority, itself included: the voters of the last one that it gave up are among
+// them. So of those who vote a boot of j out for i, one, k, was waited for by j at whatever j commits in that boot. k
+// judged it before it voted, i knows no less of j than k: i keeps off all that j ever commits in that boot, at whatever
+// time. There remain a boot that i counts as given up and a later one in which j commits. Where j waits for i, i has
+// echoed the later one, and waits for j from then on; what it committed before it shows with the echo. Where j counts
+// on the absence of an older boot of i as well, both wait for some k, which judged what each commits, in the boot that
+// it commits it in, one after the other. The answer to the second shows the later boot of the first robot, which is
+// waited for from then on.
+//
+// Who waits for whom: everybody for the judgement of all that fly, which they give at once, and a P that loses to
+// another is withdrawn, not kept waiting. A robot that falls silent keeps its C (and its P) for ever; the others stop
+// until it is given up, then they fly on around it. Who cannot hear a majority comes to rest where it promised to.
 #pragma once
 
 #include <cstdint>
@@ -74,12 +93,15 @@ class CommitProtocol {
     double separation_m = 0.02;  // kept between surfaces of committed motions
     double clock_error_s = 0.0;  // and kept as well when a peer's clock is wrong by this
   };
+  // Whether it is kept and will survive a crash.
+  using Keep = std::function<bool(const sogm_swarm::announcement_t& promise)>;
   // What is known of a peer.
   struct Peer {
     bool heard = false;
-    bool hears_us = false;       // it has echoed this start of ours
-    std::int32_t our_boot = -1;  // that it has echoed
-    std::int32_t boot = -1;
+    bool hears_us = false;        // it has echoed this start of ours
+    std::int32_t our_boot = -1;   // that it has echoed
+    std::int32_t boot = -1;       // its newest start that is known
+    std::int64_t seq = -1;        // header.seq of its newest announcement that is known
     double radius_m = 0.0;        // as announced: with what it may err by
     double least_radius_m = 0.0;  // that it ever announced: what it is without
     Motion motion;                // what it is bound to
@@ -89,11 +111,25 @@ class CommitProtocol {
     std::int8_t verdict = 0;
     std::int32_t our_seq = 0;  // newest of ours that it judged, and its verdict
     std::int8_t our_verdict = 0;
+    std::vector<sogm_swarm::ack_t> acks;  // what it says of all robots
+
+    // Rule 8.
+    static constexpr std::int32_t kNoBoot = -2;
+    bool is_forgotten = false;  // an earlier start of ours answered this boot: what, is not known
+    std::int32_t given_up_boot =
+        kNoBoot;                     // that is never answered again, and all that it was answered by then was said
+    std::int64_t given_up_seq = -1;  // in announcements up to this one
+    bool given_up = false;           // by so many that nobody waits for it
 
     bool acknowledged() const;  // by us: what it announces
+    bool is_never_answered() const { return given_up_boot == boot; }
+    bool is_voted_out() const { return is_never_answered() && seq >= given_up_seq; }  // by us
   };
 
   explicit CommitProtocol(const Rules& rules);
+
+  // What an earlier start kept, before anything else: which peers it has answered, and gave up.
+  void remember(std::int32_t roster_crc, const std::vector<sogm_swarm::ack_t>& acks);
 
   // The first promise: to hover somewhere, or what was kept over a restart, with the newest trajectory that was forced.
   void start(const Motion& motion, std::int32_t forced_seq = 0);
@@ -107,7 +143,7 @@ class CommitProtocol {
   const std::optional<Motion>& motion() const { return motion_; }
   const Trajectory& pending() const { return pending_; }  // waits for acknowledgements; may be empty
   const std::map<int, Peer>& peers() const { return peers_; }
-  bool all_hear() const;  // and were heard
+  bool all_hear() const;  // and were heard, but for those that were given up
   // The own clock is set, by `step` to `now`, while the robot rests: what is pending is withdrawn, and where what
   // it has flown ends in the future now, it is bound to hover there. That asks nobody, but it is what it does. Peers
   // move when they did, by the new clock; nothing is committed before each was heard again, as after a restart (rule
@@ -123,20 +159,34 @@ class CommitProtocol {
   Rejection propose(Utime now, const Trajectory& candidate, bool urgent = false);
   // Whether a peer sent it, and knows the same roster.
   bool is_of_roster(const sogm_swarm::announcement_t& message) const;
-  // A peer's announcement, newer than all before; others change nothing.
-  void receive(Utime now, const sogm_swarm::announcement_t& message);
+  // A peer's announcement, newer than all before; others change nothing. A new start of a peer is kept before it is
+  // answered; where that fails, it was not heard.
+  void receive(Utime now, const sogm_swarm::announcement_t& message, const Keep& keep);
+  // The same announcement as another one repeats it: what is known of the peer, not to be answered.
+  void learn(const sogm_swarm::announcement_t& message, const Keep& keep);
+  // The peer has fallen silent: this start of it is given up, once that is kept. False: it cannot be, or was before.
+  bool give_up(int id, const Keep& keep);
+  // Whether a peer may know less of this one, which was given up here, than is known here.
+  bool must_repeat(int id) const;
+  // A peer has given this start of this robot up: it has to start anew (set_boot()).
+  bool is_given_up() const;
   // Switches to and withdraws what is due.
   void advance(Utime now);
   // Whether what is pending may be committed now; then commit() does it, unless `keep` fails: what it is handed must
   // survive a crash.
   bool may_commit(Utime now) const;
-  void commit(const std::function<bool(const sogm_swarm::announcement_t&)>& keep);
+  bool commit(const Keep& keep);
 
   // All but the header and what is known of clocks.
   sogm_swarm::announcement_t state() const;
-  // Whether state() has changed since the last call in what peers wait for or have to know soon: not by the switch to
-  // what they know as next, nor by a verdict for a robot that goes by right of way.
-  bool take_news();
+  // What has to survive a crash: the same, and what was said of peers that were not heard since the last one.
+  sogm_swarm::announcement_t promise() const;
+  // Whether state() has changed since the last call in what peers wait for or have to know soon: not by a commit of
+  // what they have agreed to, nor by the switch to it. Of answers alone: several may be given together.
+  enum class News : std::uint8_t { kNone, kAnswers, kMore };
+  News take_news();
+  // state() was said; what peers announce once more after this they still wait for.
+  void said() { is_asked_again_ = false; }
   // Whether what state() says is still to arrive: somebody waits for an answer of this robot, it for theirs, or it
   // flies what they were not asked for.
   bool is_awaited(Utime now) const;
@@ -149,8 +199,14 @@ class CommitProtocol {
   Utime due_utime(Utime now) const;
 
  private:
+  // The peer, where the announcement is its newest.
+  Peer* take(const sogm_swarm::announcement_t& message, const Keep& keep);
   void judge(Utime now, int peer_id, Peer* peer);
   void withdraw();
+  bool bears_on_votes(const sogm_swarm::announcement_t& message) const;
+  void count_votes();
+  bool are_enough(std::size_t place, const Peer& peer) const;
+  std::size_t num_robots() const { return peers_.size() + 1; }
   bool everybody_agrees() const;
   double radius_m() const { return rules_.radius_m + error_bound_m_; }
   double apart_m(double radius_m, double other_radius_m) const {
@@ -160,6 +216,8 @@ class CommitProtocol {
   // The trajectory, this robot's or the peer's, of the motion that the other one is bound to: or does not come nearer
   // to it, where they are too close already.
   bool keeps_off(const Trajectory& trajectory, const Motion& bound, const Peer& peer) const;
+  // The trajectory of all that a peer that was given up may fly, whatever was said to it.
+  bool keeps_off_tombstone(const Trajectory& trajectory, const Peer& peer) const;
 
   Rules rules_;
   std::int32_t roster_crc_ = 0;
@@ -173,7 +231,7 @@ class CommitProtocol {
   double error_bound_m_ = 0.0;
   std::int32_t next_seq_ = 1;
   std::map<int, Peer> peers_;  // all of the roster but this one
-  bool news_ = false;
+  bool news_ = false, answers_ = false, is_asked_again_ = false;
   int commits_ = 0, forced_ = 0, withdrawn_ = 0;
 };
 

@@ -10,12 +10,14 @@ namespace {
 
 constexpr Duration kTwin = 2s;
 constexpr Duration kHeardLate = 1s;  // an announcement, at most
+constexpr Duration kStartsAnew = 1s;
 
 }  // namespace
 
 void Identity::advance(Utime now) {
   twin_until_ = std::min(twin_until_, now + kTwin);
   silent_until_ = std::min(silent_until_, now + kTwin);
+  given_up_ = std::min(given_up_, now + kStartsAnew);
   if (!began_) began_ = now;
 }
 
@@ -23,15 +25,18 @@ void Identity::set_clock(Utime now, Duration step) {
   began_ = now;
   twin_until_ += step;
   silent_until_ += step;
+  given_up_ += step;
 }
 
-void Identity::said(const sogm_swarm::header_t& header, Duration ahead_onboard) {
-  said_[static_cast<std::size_t>(header.seq) % said_.size()] = {header.utime, header.utime + ahead_onboard.count()};
+void Identity::said(BusId bus, const sogm_swarm::header_t& header) {
+  auto& said = said_[static_cast<std::size_t>(bus)];
+  said[static_cast<std::size_t>(header.seq) % said.size()] = header.utime;
 }
 
-bool Identity::is_of_twin(Utime now, const sogm_swarm::header_t& header) {
-  const Said& said = said_[static_cast<std::size_t>(header.seq) % said_.size()];
-  const bool was_said_here = header.boot == boot_ && (header.utime == said.utime || header.utime == said.onboard_utime);
+bool Identity::is_of_twin(Utime now, BusId bus, const sogm_swarm::header_t& header) {
+  const auto& said = said_[static_cast<std::size_t>(bus)];
+  const bool was_said_here =
+      header.boot == boot_ && header.utime == said[static_cast<std::size_t>(header.seq) % said.size()];
   const bool is_own = was_said_here || !began_ || to_utime(header.utime) <= std::max(*began_, now - kHeardLate);
   if (!is_own) beware_of_twin(now, header.boot);
   return !is_own;
@@ -51,6 +56,15 @@ bool Identity::outdo(Utime now, std::int32_t its_boot, bool has_flown) {
   spdlog::warn("peers know a later start of robot {}: this is not start {}, but {}", robot_id_, boot_, its_boot + 1);
   boot_ = its_boot + 1;
   began_ = now;  // what was said before is not another one's
+  return true;
+}
+
+bool Identity::start_anew(Utime now) {
+  if (now < given_up_ || boot_ == std::numeric_limits<std::int32_t>::max()) return false;
+  given_up_ = now + kStartsAnew;
+  ++boot_;
+  began_ = now;  // what was said before is not another one's
+  spdlog::warn("peers have given robot {} up, as they did not hear it: this is start {} now", robot_id_, boot_);
   return true;
 }
 

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <optional>
 
+#include "lcmtypes/bus/channels.h"
 #include "lcmtypes/bus/time.h"
 #include "sogm_swarm/header_t.hpp"
 
@@ -22,12 +23,12 @@ class Identity {
   // It is `now` by another clock, which is ahead of the one before by `step`. What was said before is not another
   // one's.
   void set_clock(Utime now, Duration step);
-  // Of an announcement of this node; on the onboard bus its time is `ahead_onboard`.
-  void said(const sogm_swarm::header_t& header, Duration ahead_onboard);
+  // Of an announcement of this node, on one of its buses.
+  void said(BusId bus, const sogm_swarm::header_t& header);
 
   // Whether an announcement under this robot's id is neither this node's nor an earlier start's. Then there is a twin
   // until 2 s after the last one.
-  bool is_of_twin(Utime now, const sogm_swarm::header_t& header);
+  bool is_of_twin(Utime now, BusId bus, const sogm_swarm::header_t& header);
   bool has_twin(Utime now) const { return now < twin_until_; }
   // The twin was heard on the robot's own bus, where setpoints of two would alternate: who started later leaves the
   // robot to the other.
@@ -37,19 +38,19 @@ class Identity {
   // had got lost with the disk, or the clock was set back. True: this one is the later one now. But who has flown was
   // heard: then it is another one's. Each peer knows one start.
   [[nodiscard]] bool outdo(Utime now, std::int32_t its_boot, bool has_flown);
+  // Peers have given this start up: from here on it is the next one. Not again within a second, whoever says so.
+  [[nodiscard]] bool start_anew(Utime now);
 
  private:
-  struct Said {  // [us]
-    std::int64_t utime = 0, onboard_utime = 0;
-  };
   void beware_of_twin(Utime now, std::int32_t its_boot);
 
   int robot_id_;
   std::int32_t boot_;
   int num_peers_, num_outdone_ = 0;
-  std::optional<Utime> began_;     // this node, by its clock
-  std::array<Said, 1024> said_{};  // header.utime of the newest announcements, by header.seq
-  Utime twin_until_{}, silent_until_{};
+  std::optional<Utime> began_;  // this node, by its clock
+  // header.utime of the newest announcements of each bus, by header.seq [us].
+  std::array<std::array<std::int64_t, 1024>, 2> said_{};
+  Utime twin_until_{}, silent_until_{}, given_up_{};
 };
 
 }  // namespace swarm

@@ -129,8 +129,9 @@ KeptPromise load_promise(PromiseStore& store, int robot_id, std::int32_t first_b
     }
   }
   if (!newest || newest->header.boot == std::numeric_limits<std::int32_t>::max()) return {first_boot, {}, 0, {}, {}};
-  return {newest->header.boot + 1, motion_of(*newest), newest->forced_seq, to_utime(newest->header.utime),
-          flight};  // what was pending nobody can have committed
+  return {newest->header.boot + 1,
+          motion_of(*newest),  // what was pending nobody can have committed
+          newest->forced_seq,      to_utime(newest->header.utime), flight, newest->roster_crc, newest->acks};
 }
 
 }  // namespace swarm

@@ -68,6 +68,8 @@ struct KeptPromise {
   std::int32_t forced_seq = 0;  // newest trajectory that was forced
   Utime utime{};                // when it was kept
   std::optional<sogm_swarm::flight_status_t> flight = {};
+  std::int32_t roster_crc = 0;  // and whom of that roster it had answered, and given up
+  std::vector<sogm_swarm::ack_t> acks = {};
 };
 // What is kept: an announcement and a flight status, each with the same header.
 std::vector<std::uint8_t> promise_bytes(const sogm_swarm::announcement_t& promise,

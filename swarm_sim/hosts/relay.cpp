@@ -15,12 +15,15 @@ class Relay::Port : public Node {
  public:
   Port(Relay& relay, int id) : relay_(relay), id_(id) {}
 
-  std::vector<Subscription> subscriptions() const override { return {{BusId::kSwarm, channel::kAnnouncement}}; }
+  std::vector<Subscription> subscriptions() const override {
+    return {{BusId::kSwarm, channel::kAnnouncement}, {BusId::kSwarm, channel::kLastWords}};
+  }
 
   void on_message(Utime now, BusId, std::string_view channel, std::span<const std::uint8_t> bytes, Outbox&) override {
-    sogm_swarm::packed_announcement_t message;  // what the others sent comes back as well
-    if (receive(bytes, FromRobot{id_}, {}, AnyOrder{}, &message) != Refusal::kNone) return;
-    relay_.send(now, id_, channel, bytes);
+    // What the others sent comes back as well.
+    const bool is_own = channel == channel::kLastWords ? is_of_robot<sogm_swarm::last_words_t>(bytes)
+                                                       : is_of_robot<sogm_swarm::packed_announcement_t>(bytes);
+    if (is_own) relay_.send(now, id_, channel, bytes);
   }
 
   Utime step(Utime now, Outbox& outbox) override {
@@ -35,6 +38,12 @@ class Relay::Port : public Node {
   }
 
  private:
+  template <class T>
+  bool is_of_robot(std::span<const std::uint8_t> bytes) const {
+    T message;
+    return receive(bytes, FromRobot{id_}, {}, AnyOrder{}, &message) == Refusal::kNone;
+  }
+
   Relay& relay_;
   int id_;
   std::priority_queue<Datagram, std::vector<Datagram>, std::greater<>> queue_;

@@ -25,19 +25,25 @@ RobotWatch::RobotWatch(int robot_id, SwarmShare share, BusRecorder& recorder)
 std::vector<Subscription> RobotWatch::subscriptions() const {
   std::vector<Subscription> all;
   for (const char* channel : channels_of(BusId::kOnboard)) all.push_back({BusId::kOnboard, channel});
-  if (share_ != SwarmShare::kNone) all.push_back({BusId::kSwarm, channel::kAnnouncement});
+  if (share_ == SwarmShare::kNone) return all;
+  for (const char* channel : channels_of(BusId::kSwarm)) all.push_back({BusId::kSwarm, channel});
   return all;
 }
 
 void RobotWatch::on_message(Utime now, BusId bus, std::string_view channel, std::span<const std::uint8_t> bytes,
                             Outbox&) {
-  sogm_swarm::packed_announcement_t own;
-  if (bus == BusId::kSwarm && share_ == SwarmShare::kOwn && !read(bytes, id_, &own)) return;
+  if (bus == BusId::kSwarm && share_ == SwarmShare::kOwn && !is_own(channel, bytes)) return;
   recorder_.hear(now, bus, id_, channel, bytes);
   if (bus == BusId::kSwarm) return;
   if (channel == channel::kMapStatus) (void)read(bytes, id_, &map_);
   if (channel == channel::kBroadcastStatus) (void)read(bytes, id_, &broadcast_);
   if (channel == channel::kPlannerStatus) note_plan(bytes);
+}
+
+bool RobotWatch::is_own(std::string_view channel, std::span<const std::uint8_t> bytes) const {
+  sogm_swarm::packed_announcement_t announcement;
+  sogm_swarm::last_words_t words;
+  return channel == channel::kLastWords ? read(bytes, id_, &words) : read(bytes, id_, &announcement);
 }
 
 Utime RobotWatch::step(Utime now, Outbox&) {

@@ -36,6 +36,7 @@ class RobotWatch : public Node {
   std::int32_t lost() const { return broadcast_.lost; }  // announcements of peers
 
  private:
+  bool is_own(std::string_view channel, std::span<const std::uint8_t> bytes) const;  // of the swarm bus
   void note_plan(std::span<const std::uint8_t> bytes);
 
   int id_;

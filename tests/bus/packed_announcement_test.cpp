@@ -127,6 +127,7 @@ TEST(PackedAnnouncement, FitsAFrameAtTheWorst) {
     }
   }
   message.acks.assign(60, {std::numeric_limits<std::int32_t>::max(), std::numeric_limits<std::int32_t>::max(), 2});
+  message.acks.front() = {std::numeric_limits<std::int32_t>::max(), 1, ack_t::kGivenUp};
   ASSERT_EQ(validate(message), Refusal::kNone);
   const packed_announcement_t packed = pack(&message);
   EXPECT_GT(packed.num_bytes, 1000);
@@ -139,6 +140,22 @@ TEST(PackedAnnouncement, FitsAFrameAtTheWorst) {
   largest.num_bytes = kMaxPackedBytes;
   const int lcm_header = 8 + static_cast<int>(sizeof "ANNOUNCEMENT");
   EXPECT_LE(largest.getEncodedSize() + static_cast<int>(kSealBytes) + lcm_header, 1472);
+  last_words_t words = last_words_of(&message);
+  words.packed = largest.packed;
+  EXPECT_LE(words.getEncodedSize() + static_cast<int>(kSealBytes) + lcm_header, 1472);
+}
+
+TEST(PackedAnnouncement, IsRepeatedAsItWas) {
+  Random random(5);
+  for (int i = 0; i < 60; ++i) {
+    announcement_t message = i % 2 == 0 ? in_flight(i) : make<announcement_t>(random, i);
+    last_words_t words = last_words_of(&message);
+    words.header = make<robot_state_t>(random, 0).header;
+    ASSERT_EQ(validate(words), Refusal::kNone);
+    announcement_t repeated;
+    ASSERT_EQ(unpack(words, &repeated), Refusal::kNone);
+    EXPECT_EQ(bytes_of(repeated), bytes_of(message));
+  }
 }
 
 TEST(PackedAnnouncement, RefusesWhatBreaksOffOrGoesOn) {

@@ -96,7 +96,7 @@ TEST(Validate, Ranges) {
   EXPECT_RANGE(announcement_t, pending_state, 0, 2);
   EXPECT_RANGE(candidate_t, urgent, 0, 1);
   EXPECT_RANGE(announcement_t, pending_stamp, std::int64_t{0}, to_us(kMaxUtime));
-  EXPECT_RANGE(announcement_t, acks[1].verdict, 0, 2);
+  EXPECT_RANGE(announcement_t, acks[1].verdict, 0, 3);
   EXPECT_RANGE(map_status_t, state, 0, 3);
   EXPECT_RANGE(depth_image_t, sensor, 0, 7);
   EXPECT_RANGE(depth_image_t, position[2], -1e5, 1e5);
@@ -177,6 +177,10 @@ TEST(Validate, CountersAndAmountsAreNotNegative) {
   EXPECT_TRUE(refused([](auto& m) { m.trajectory.seq = -1; }, Judge<candidate_t>()));
   EXPECT_TRUE(refused([](auto& m) { m.acks[0].peer_boot = -2; }, Judge<announcement_t>()));
   EXPECT_TRUE(refused([](auto& m) { m.acks[0].judged_seq = -1; }, Judge<announcement_t>()));
+  EXPECT_TRUE(refused([](auto& m) { m.robot_id = -1; }, Judge<last_words_t>()));
+  EXPECT_TRUE(refused([](auto& m) { m.boot = -1; }, Judge<last_words_t>()));
+  EXPECT_TRUE(refused([](auto& m) { m.seq = -1; }, Judge<last_words_t>()));
+  EXPECT_TRUE(refused([](auto& m) { m.utime = -1; }, Judge<last_words_t>()));
   EXPECT_TRUE(refused([](auto& m) { m.part = -1; }, Judge<sogm_t>()));
   EXPECT_TRUE(refused([](auto& m) { m.maps = -1; }, Judge<map_status_t>()));
   EXPECT_TRUE(refused([](auto& m) { m.map_bytes = -1; }, Judge<map_status_t>()));
@@ -266,6 +270,11 @@ TEST(Validate, AnnouncementFieldsAgree) {
                 (verdict == ack_t::kNone) == (seq == 0) ? kGood : kInconsistent);
     }
   }
+  for (const std::int32_t seq : {0, 5})  // given up
+    EXPECT_EQ(judge([=](auto& m) { m.acks[1] = {3, seq, ack_t::kGivenUp}; }), kGood);
+  EXPECT_EQ(judge([](auto& m) { m.acks[1] = {-1, 0, ack_t::kGivenUp}; }), kGood);
+  EXPECT_EQ(judge([](auto& m) { m.acks[1] = {-1, 5, ack_t::kGivenUp}; }), kInconsistent);
+  EXPECT_EQ(judge([](auto& m) { m.acks[1] = {3, 5, ack_t::kGivenUp + 1}; }), kValue);
 }
 
 TEST(Validate, ObstacleSizesBelongToTheShape) {

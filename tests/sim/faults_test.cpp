@@ -123,6 +123,26 @@ TEST(Faults, WhoeverWaitsForASilentPeerIsNotHit) {
   EXPECT_GT(forced, 0);
 }
 
+// Whichever robot's broadcaster is dead for good, on the way across the circle: the others give it up and arrive.
+TEST(Faults, NoRobotStopsTheOthers) {
+  constexpr int kRobots = 6;
+  const World world = make_world(Task::kCircle, Environment::kEmpty, 0, 1, {.robots = kRobots, .circle_m = 4.0});
+  for (int dead = 0; dead < kRobots; ++dead) {
+    SCOPED_TRACE(dead);
+    FlightOptions options;
+    options.kills = parse_kills("broadcast:" + std::to_string(dead) + "@1-100");
+    options.time_limit_s = 20.0;
+    const RunReport report = run_lockstep(world, nullptr, options, {}, nullptr, nullptr, nullptr);
+    EXPECT_TRUE(report.touches.empty()) << summary_table(report);
+    EXPECT_EQ(report.commit_conflicts, 0);
+    for (int robot = 0; robot < kRobots; ++robot) {
+      const bool arrived = report.robots[static_cast<std::size_t>(robot)].verdict.flight_time_s.has_value();
+      EXPECT_EQ(arrived, robot != dead) << robot;
+    }
+    if (kSanitized) return;
+  }
+}
+
 // Robots that fly close together are thrown off their courses: they go on from where they are.
 TEST(Faults, WhoIsShovedOffItsCourseGoesOn) {
   World world = make_world(Task::kCircle, Environment::kEmpty, 0, 1, {.robots = 8, .circle_m = 5.0});

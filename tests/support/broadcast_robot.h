@@ -72,8 +72,8 @@ struct Kept {
 class Robot : public Kept, public Bench<BroadcastNode> {
  public:
   explicit Robot(int id, bool started = true, MemoryPromiseStore store = {}, std::int32_t boot = kBoot,
-                 const MotionLimits& limits = {})
-      : Kept{store}, Bench(make_config(id, limits), promises, boot), id_(id) {
+                 const MotionLimits& limits = {}, double give_up_after_s = 0.0)
+      : Kept{store}, Bench(make_config(id, limits, give_up_after_s), promises, boot), peers_agree(id == 0), id_(id) {
     for (int other = 0; other < 3; ++other) {
       if (other != id) peers.emplace(other, Peer{other, Trajectory::hover(1, kStart, {10.0 + 10 * other, 0, 1})});
     }
@@ -81,12 +81,13 @@ class Robot : public Kept, public Bench<BroadcastNode> {
     send_state();
     for (auto& [other, peer] : peers) hear(other);
   }
-  static BroadcastConfig make_config(int id, const MotionLimits& limits = {}) {
+  static BroadcastConfig make_config(int id, const MotionLimits& limits = {}, double give_up_after_s = 0.0) {
     BroadcastConfig config;
     config.limits = limits;
     config.robot_id = id;
     config.roster = {0, 1, 2};
     config.swarm_rate_hz = 1e9;
+    config.give_up_after_s = give_up_after_s;  // 0: peers speak when the test has something to say
     return config;
   }
 
@@ -108,6 +109,16 @@ class Robot : public Kept, public Bench<BroadcastNode> {
     candidate.header = make_header(id_, 1, next_candidate_++, std::min(now, trajectory.start_utime()));
     candidate.trajectory = trajectory.to_wire();
     send(channel::kCandidate, candidate);
+    if (peers_agree) agree();
+  }
+  // All peers acknowledge what is pending.
+  void agree() {
+    const std::int32_t seq = node.protocol().pending().seq();
+    for (auto& [other, peer] : peers) {
+      if (seq == 0) continue;
+      peer.about_us = {peer.about_us.peer_boot, seq, ack_t::kAck};
+      hear(other);
+    }
   }
   // 50 us later, when it may have announced again.
   announcement_t announced() {
@@ -118,6 +129,7 @@ class Robot : public Kept, public Bench<BroadcastNode> {
   ack_t verdict_on(int other) { return announced().acks[static_cast<std::size_t>(other)]; }
 
   std::map<int, Peer> peers;
+  bool peers_agree;  // with what is proposed, at once
 
  private:
   int id_;

@@ -81,13 +81,22 @@ inline void make(Random& random, int elements, announcement_t* m) {
   for (int i = 0; i < m->num_acks; ++i) {
     ack_t ack{};
     ack.peer_boot = integer(random, 0, 1 << 30);
-    ack.verdict = static_cast<std::int8_t>(integer(random, ack_t::kNone, ack_t::kNack));
+    ack.verdict = static_cast<std::int8_t>(integer(random, ack_t::kNone, ack_t::kGivenUp));
     ack.judged_seq = ack.verdict == ack_t::kNone ? 0 : integer(random, 1, 1 << 30);
     m->acks.push_back(ack);
   }
 }
 // Bytes that say nothing: what is packed is for packed_announcement_test.
 inline void make(Random& random, int elements, packed_announcement_t* m) {
+  m->num_bytes = static_cast<std::int16_t>(std::clamp(elements, 1, kMaxPackedBytes));
+  m->packed.resize(static_cast<std::size_t>(m->num_bytes));
+  for (std::uint8_t& byte : m->packed) byte = static_cast<std::uint8_t>(random());
+}
+inline void make(Random& random, int elements, last_words_t* m) {
+  m->robot_id = static_cast<std::int16_t>(integer(random, 0, 32767));
+  m->boot = integer(random, 0, 1 << 30);
+  m->seq = integer(random, 0, 1 << 30);
+  m->utime = m->header.utime - 5'000'000;
   m->num_bytes = static_cast<std::int16_t>(std::clamp(elements, 1, kMaxPackedBytes));
   m->packed.resize(static_cast<std::size_t>(m->num_bytes));
   for (std::uint8_t& byte : m->packed) byte = static_cast<std::uint8_t>(random());
@@ -302,6 +311,8 @@ template <class F>
 void each_real(map_request_t&, F) {}
 template <class F>
 void each_real(packed_announcement_t&, F) {}
+template <class F>
+void each_real(last_words_t&, F) {}
 template <class F>
 void each_real(goal_t& m, F f) {
   for (waypoint_t& w : m.waypoints) each(f, w.position, w.tolerance, w.speed, w.wait);

@@ -54,6 +54,10 @@ void check_output(const Arguments& arguments) {
   if (!arguments.force) throw std::runtime_error(arguments.out + ": exists already (--force true replaces it)");
 }
 
+bool is_of_swarm(const std::string& channel) {
+  return channel == channel::kAnnouncement || channel == channel::kLastWords;
+}
+
 // A log, its next event, and the robot whose onboard bus it is of, if any.
 class Source {
  public:
@@ -64,7 +68,7 @@ class Source {
     LcmLog ahead(path);
     for (LogEvent event; !owner_ && ahead.next(&event);) {
       // Trajectories name their sender, who may be a peer.
-      if (event.channel == channel::kAnnouncement || event.channel == channel::kPeerTrajectory) continue;
+      if (is_of_swarm(event.channel) || event.channel == channel::kPeerTrajectory) continue;
       (void)visit_message(event.channel, event.bytes,
                           [this](const auto& message) { owner_ = message.header.robot_id; });
     }
@@ -128,7 +132,7 @@ class Converter {
   using Counts = std::map<std::string, std::int64_t>;
 
   static std::string topic_of(const std::string& channel, int robot_id, std::optional<int> owner) {
-    if (channel == channel::kAnnouncement) return "/swarm/" + channel;
+    if (is_of_swarm(channel)) return "/swarm/" + channel;
     if (channel != channel::kPeerTrajectory) return "/robot" + std::to_string(robot_id) + "/" + channel;
     return (owner ? "/robot" + std::to_string(*owner) : "/onboard") + "/" + channel;
   }

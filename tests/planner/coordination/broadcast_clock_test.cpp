@@ -216,7 +216,7 @@ TEST(BroadcastClock, PeersMoveWhenTheyDidAndAreAwaited) {
       announcement_t message = from.state();
       message.header = make_header(id, 1, seq++, utime);
       ASSERT_TRUE(to->is_of_roster(message));
-      to->receive(utime, message);
+      to->receive(utime, message, [](const announcement_t&) { return true; });
     };
     say(ours, 0, &theirs, kStart);
     say(theirs, 1, &ours, kStart);
@@ -264,7 +264,7 @@ TEST(BroadcastClock, WhatIsAnnouncedIsWithdrawnWhenTheClockIsSet) {
   protocol.set_clock(kStart + 200ms, 100ms);
   EXPECT_TRUE(protocol.pending().empty());
   EXPECT_EQ(protocol.motion()->seq(), 4);  // over in the new time as in the old
-  EXPECT_TRUE(protocol.take_news());
+  EXPECT_EQ(protocol.take_news(), CommitProtocol::News::kMore);
   protocol.set_clock(kStart - 5s, -5200ms);
   EXPECT_GT(protocol.motion()->seq(), seq);
   EXPECT_EQ(protocol.motion()->committed.start_utime(), kStart - 5s);
@@ -305,9 +305,16 @@ TEST(BroadcastNode, CommitsNothingWhileAPeersClockIsWrong) {
   for (const Duration ahead : {-20ms, 0ms, 20ms}) {
     SCOPED_TRACE(to_ms(ahead));
     Robot robot(0, false);
+    robot.peers_agree = false;
     robot.send_state();
     robot.hear(2);
     constexpr Duration kDelay = 30ms;
+    const auto agree = [&] {
+      for (const int other : {1, 2})
+        robot.peers.at(other).about_us = {kBoot, robot.node.protocol().pending().seq(), ack_t::kAck};
+      robot.send(channel::kAnnouncement, robot.peers.at(1).message(robot.now + ahead - kDelay, 0), BusId::kSwarm);
+      robot.hear(2);
+    };
     for (int i = 0; i < 3 * ClockOffset::kEnough; ++i) {
       Peer& peer = robot.peers.at(1);
       peer.least_delay_us = static_cast<std::int32_t>((kDelay + ahead).count());  // of our announcements
@@ -319,10 +326,12 @@ TEST(BroadcastNode, CommitsNothingWhileAPeersClockIsWrong) {
     EXPECT_NEAR(status.max_clock_offset_ms, std::abs(to_ms(ahead)), 1e-3);
     EXPECT_EQ(status.state, ahead == 0us ? broadcast_status_t::kFlying : broadcast_status_t::kClock);
     robot.propose(robot.plan({1, 0, 1}));
+    if (ahead == 0us) agree();
     EXPECT_EQ(robot.node.rejected(Rejection::kClock), ahead == 0us ? 0 : 1);
     EXPECT_EQ(robot.node.protocol().commits(), ahead == 0us ? 1 : 0);
     robot.run_for(0.3);
     robot.propose(robot.plan({1, 0, 1}), true);  // the last resort
+    if (ahead == 0us) agree();
     robot.run_for(0.1);
     EXPECT_EQ(robot.node.protocol().forced(), ahead == 0us ? 0 : 1);
     std::vector<std::int32_t> told;
@@ -398,6 +407,7 @@ TEST(BroadcastNode, WhatWaitsIsNotCommittedWhileClocksDisagree) {
     Robot robot(1);
     robot.propose(robot.plan({1, 0, 1}, 0.5));
     if (disagree) robot.send(channel::kAnnouncement, robot.peers.at(2).message(robot.now + 20ms, 1), BusId::kSwarm);
+    if (!disagree) robot.hear_verdict(2, 2, ack_t::kAck);
     robot.hear_verdict(0, 2, ack_t::kAck);
     EXPECT_EQ(robot.node.protocol().commits(), disagree ? 0 : 1);
   }

@@ -36,16 +36,18 @@ class Flyer : public Robot {
     send(channel::kVehicleStatus, vehicle);
     send(channel::kRobotState, state_at(1, at, next_++, now));
   }
-  // The lower robot answers all that is announced; the vehicle follows, above the ground.
+  // The robots answer all that is announced; the vehicle follows, above the ground.
   void fly(double seconds) {
     for (const Utime end = now + to_duration(seconds); now < end;) {
       run_for(0.05);
       const announcement_t own = announced();
-      if (answers && own.pending_state == announcement_t::kAnnounced)
-        hear_verdict(0, own.pending.seq, ack_t::kAck);
-      else
-        hear(0);
-      hear(2);
+      const bool has_heard = own.pending_state == announcement_t::kAnnounced;
+      for (const int other : {0, 2}) {
+        if (has_heard && (answers || other == 2))
+          hear_verdict(other, own.pending.seq, ack_t::kAck);
+        else
+          hear(other);
+      }
       at = place().cwiseMax(Eigen::Vector3d(-1e5, -1e5, 0));
       if (!armed) at.z() = 0.0;
       say();

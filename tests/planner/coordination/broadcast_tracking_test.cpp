@@ -76,7 +76,7 @@ TEST(BroadcastNode, NeighboursWhoErrDoNotCreepUpOnEachOther) {
 TEST(BroadcastNode, ARobotThatLostItsMotionGoesOnFromWhereItIs) {
   Robot robot(1);
   robot.propose(robot.plan({1.5, 0, 1}));
-  robot.hear_verdict(0, 2, ack_t::kAck);
+  robot.agree();
   robot.run_for(0.6);
   const Eigen::Vector3d off(0, 0.6, 0.1), velocity(1.2, -0.5, 0);
   drift(robot, 1, off, 0.19, velocity);
@@ -101,8 +101,8 @@ TEST(BroadcastNode, ARobotThatLostItsMotionGoesOnFromWhereItIs) {
   EXPECT_FALSE(robot.promises.load().empty());
 
   robot.propose(robot.plan({1.5, 0, 1}));  // the way back
-  robot.hear_verdict(0, 4, ack_t::kAck);
-  EXPECT_EQ(robot.announced().pending_state, announcement_t::kCommitted);
+  robot.agree();
+  EXPECT_EQ(robot.node.protocol().commits(), 3);
 }
 
 TEST(BroadcastNode, AJumpOfASensorChangesNoMotion) {

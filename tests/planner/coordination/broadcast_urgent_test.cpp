@@ -30,7 +30,8 @@ TEST(BroadcastNode, WhatIsUrgentIsCommittedAtTheLastMomentWithoutAnAnswer) {
 TEST(BroadcastNode, WhatIsUrgentIsNotForcedWhenPeersAgreeInTime) {
   Robot robot(1);
   robot.propose(robot.plan({1, 0, 1}, 0.5), true);
-  robot.hear_verdict(0, 2, ack_t::kAck);
+  robot.agree();
+  robot.run_for(0.05);
   EXPECT_EQ(robot.announced().pending_state, announcement_t::kCommitted);
   EXPECT_EQ(robot.announced().forced_seq, 0);
   EXPECT_EQ(robot.node.protocol().forced(), 0);

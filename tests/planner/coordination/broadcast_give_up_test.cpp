@@ -1,0 +1,121 @@
+// A robot that others do not hear any more: it is given up, the others go on around it, and it may come back.
+#include "lcmtypes/bus/packed_announcement.h"
+#include "tests/support/broadcast_robot.h"
+
+namespace swarm::test {
+namespace {
+
+using sogm_swarm::last_words_t;
+
+// Robot 0 of three, which gives up whom it does not hear.
+class Survivor : public Robot {
+ public:
+  explicit Survivor(MemoryPromiseStore store = {}) : Robot(0, false, store, kBoot, {}, 2.0) { send_state(); }
+  // Robot `other` speaks on, and silent ones do not.
+  void fly_with(int other, double seconds) {
+    for (const Utime end = now + to_duration(seconds); now < end;) {
+      hear(other);
+      run_for(0.1);
+      send_state();
+    }
+  }
+  ack_t about(int other) { return verdict_on(other); }
+  // Peer `voter` gives up robot `other`, of which it knows announcements up to `seq`.
+  void votes(int voter, int other, std::int32_t boot, std::int32_t seq) {
+    announcement_t message = peers.at(voter).message(now, 0);
+    message.acks[static_cast<std::size_t>(other)] = {boot, seq, ack_t::kGivenUp};
+    send(channel::kAnnouncement, message, BusId::kSwarm);
+  }
+};
+
+TEST(BroadcastGiveUp, GoesOnWhereTheMajorityDoesNotHearOne) {
+  Survivor robot;
+  robot.hear(1), robot.hear(2);
+  robot.fly_with(1, 1.8);
+  EXPECT_EQ(robot.about(2).verdict, ack_t::kNone);
+  EXPECT_EQ(robot.node.protocol().state().acks[2].peer_boot, 9);
+  robot.fly_with(1, 0.5);
+  EXPECT_EQ(robot.about(2).verdict, ack_t::kGivenUp);
+  EXPECT_EQ(robot.about(2).judged_seq, 0);
+  EXPECT_FALSE(robot.node.protocol().peers().at(2).given_up) << "alone it is no majority";
+  robot.votes(1, 2, 9, 3);
+  EXPECT_FALSE(robot.node.protocol().peers().at(2).given_up) << "robot 1 knows more of it";
+  robot.votes(1, 2, 9, 0);
+  EXPECT_TRUE(robot.node.protocol().peers().at(2).given_up);
+  robot.peers_agree = false;
+  robot.propose(robot.plan({1, 0, 1}));
+  robot.hear_verdict(1, robot.node.protocol().pending().seq(), ack_t::kAck);
+  EXPECT_EQ(robot.node.protocol().commits(), 1);
+}
+
+TEST(BroadcastGiveUp, AVoteOutlivesACrash) {
+  Survivor before;
+  before.hear(1), before.hear(2);
+  before.fly_with(1, 2.3);
+  ASSERT_EQ(before.about(2).verdict, ack_t::kGivenUp);
+  Survivor robot(before.promises);
+  robot.peers = before.peers;
+  robot.hear(1);
+  EXPECT_EQ(robot.about(2).verdict, ack_t::kNone) << "what it may fly is not known any more";
+  EXPECT_EQ(robot.about(2).peer_boot, 9);
+  Peer& peer = robot.peers.at(2);
+  peer.pends(quintic_to(peer.committed.at(kStart), robot.now + 500ms, {30, 3, 1}, 5), robot.now);
+  robot.hear(2);
+  EXPECT_EQ(robot.about(2).verdict, ack_t::kGivenUp) << "it is not answered, ever";
+  EXPECT_EQ(robot.about(2).judged_seq, 1);
+  ++peer.boot;
+  robot.hear(2);
+  EXPECT_EQ(robot.about(2).verdict, ack_t::kAck) << "it has come back";
+}
+
+TEST(BroadcastGiveUp, LastWordsAreRepeatedForThoseWhoKnowLess) {
+  Survivor robot;
+  robot.hear(1), robot.hear(2);
+  const announcement_t last = robot.peers.at(2).message(robot.now, 0);
+  robot.send(channel::kAnnouncement, last, BusId::kSwarm);
+  robot.fly_with(1, 2.3);
+  robot.out.letters.clear();
+  robot.votes(1, 2, 9, 0);
+  robot.run_for(1.0);
+  EXPECT_EQ(robot.out.count(channel::kLastWords, BusId::kSwarm), 2);
+  EXPECT_EQ(robot.out.count(channel::kPeerTrajectory), 3) << "with robot 1's, for a planner that starts now";
+  announcement_t repeated;
+  ASSERT_EQ(unpack(robot.out.newest<last_words_t>(channel::kLastWords, BusId::kSwarm), &repeated), Refusal::kNone);
+  EXPECT_EQ(encoded(repeated), encoded(last));
+  robot.votes(1, 2, 9, 1);
+  robot.run_for(1.0);
+  EXPECT_EQ(robot.out.count(channel::kLastWords, BusId::kSwarm), 2);
+}
+
+TEST(BroadcastGiveUp, LastWordsAreNoSignOfLife) {
+  Survivor robot;
+  robot.hear(1);
+  announcement_t last = robot.peers.at(2).message(robot.now - 60s, 0);
+  last_words_t words = last_words_of(&last);
+  words.header = make_header(1, 9, 0, robot.now);
+  robot.send(channel::kLastWords, words, BusId::kSwarm);
+  EXPECT_TRUE(robot.node.protocol().peers().at(2).heard);
+  EXPECT_EQ(robot.about(2).peer_boot, 9);
+  robot.fly_with(1, 10.3);
+  EXPECT_EQ(robot.about(2).verdict, ack_t::kGivenUp);
+}
+
+TEST(BroadcastGiveUp, WhoWasGivenUpStartsAnew) {
+  Survivor robot;
+  robot.hear(1), robot.hear(2);
+  robot.votes(1, 0, kBoot, 5);
+  robot.run_for(0.001);
+  EXPECT_EQ(robot.announced().header.boot, kBoot + 1);
+  EXPECT_EQ(load_promise(robot.promises, 0, 1).boot, kBoot + 2);
+  robot.propose(robot.plan({1, 0, 1}));
+  EXPECT_EQ(robot.node.rejected(Rejection::kWaiting), 1);
+  robot.votes(1, 0, kBoot + 1, 5);  // not again at once, whoever says so
+  robot.run_for(0.001);
+  EXPECT_EQ(robot.announced().header.boot, kBoot + 1);
+  for (auto& [id, peer] : robot.peers) peer.about_us.peer_boot = kBoot + 1, robot.hear(id);
+  robot.propose(robot.plan({1, 0, 1}));
+  EXPECT_EQ(robot.node.protocol().commits(), 1);
+}
+
+}  // namespace
+}  // namespace swarm::test
