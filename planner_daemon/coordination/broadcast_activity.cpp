@@ -36,6 +36,7 @@ Activity BroadcastNode::activity(Utime now) const {
     case broadcast_status_t::kWaiting: {
       std::string peers;
       for (const auto& [id, peer] : protocol_.peers()) {
+        if (peer.given_up) continue;
         if (!peer.heard) add(", ", std::to_string(id) + " (never heard)", &peers);
         if (peer.heard && !peer.hears_us) add(", ", std::to_string(id) + " (has not heard this start)", &peers);
       }
@@ -50,8 +51,16 @@ Activity BroadcastNode::flight_activity(Utime now) const {
   const bool is_in_vain =
       in_vain_.count > 0 && now - in_vain_.first >= kInVainFor && now - in_vain_.newest <= kStillAsked;
   const sogm_swarm::flight_status_t& flight = flight_.status();
-  if (!is_in_vain && flight.state != sogm_swarm::flight_status_t::kFlying) return {.text = text_of_flight(flight)};
-  if (!is_in_vain) return {.text = "ready: commits what the planner sends and robots agree to"};
+  if (!is_in_vain) {
+    std::string text = flight.state != sogm_swarm::flight_status_t::kFlying
+                           ? text_of_flight(flight)
+                           : "ready: commits what the planner sends and robots agree to";
+    std::string given_up;
+    for (const auto& [id, peer] : protocol_.peers())
+      if (peer.given_up) add(", ", std::to_string(id), &given_up);
+    if (!given_up.empty()) text += "; goes on without robots " + given_up;
+    return {.text = text};
+  }
   std::string why = std::to_string(in_vain_.count) + " candidates";
   for (int i = 1; i < kNumRejections; ++i) {
     const std::int32_t count = in_vain_.rejected[static_cast<std::size_t>(i)];
@@ -61,6 +70,10 @@ Activity BroadcastNode::flight_activity(Utime now) const {
   const std::int32_t newest_seq = bound.next.empty() ? bound.committed.seq() : bound.next.seq();
   for (const auto& [id, peer] : protocol_.peers()) {
     const Duration silent = now - links_.at(id).heard;
+    if (peer.given_up) {
+      why += ", robot " + std::to_string(id) + " given up";
+      continue;
+    }
     if (silent > kStillAsked)
       why += ", robot " + std::to_string(id) + " silent for " + fixed(to_seconds(silent), 1) + " s";
     // Of one with a higher id nobody waits for the word.

@@ -406,7 +406,8 @@ void BroadcastNode::give_up(Utime now) {
   vote_.done(now);
   for (const auto& [id, link] : links_) {
     if (!is_silent(now, link) || !protocol_.give_up(id, keeper(now))) continue;
-    spdlog::warn("robot {} {}: given up here", id, link.boot < 0 ? "was never heard" : "has fallen silent");
+    spdlog::warn("robot {} gives robot {} up: it {}", config_.robot_id, id,
+                 link.boot < 0 ? "was never heard" : "has fallen silent");
   }
 }
 

@@ -1,3 +1,4 @@
+// Long because the rules of commit_protocol.h are to be read in one place.
 #include "planner_daemon/coordination/commit_protocol.h"
 
 #include <algorithm>

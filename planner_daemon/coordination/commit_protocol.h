@@ -25,7 +25,8 @@
 //  7. A robot that is off its motion by up to an error bound announces its radius with it; what is new keeps that off.
 //     Robots that are closer than that, but no closer than they may be without it, may likewise commit what does not
 //     bring them nearer. One that has lost its motion altogether is bound to how it comes to rest: that is forced.
-//  8. Give up: who does not hear a peer votes it out, for the boot of it that is known (-1: never heard), and says up to
+//  8. Give up: who does not hear a peer votes it out, for the boot of it that is known (-1: never heard), and says up
+//  to
 //     which of its announcements it is known. Such a boot is never answered again: the vote is on disk before it is
 //     said, as is each new boot of a peer before it is echoed. Who has restarted since it answered that boot, and was
 //     not echoed by it, does not know what it answered, and has no vote on it.

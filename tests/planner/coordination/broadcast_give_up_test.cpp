@@ -46,6 +46,8 @@ TEST(BroadcastGiveUp, GoesOnWhereTheMajorityDoesNotHearOne) {
   robot.propose(robot.plan({1, 0, 1}));
   robot.hear_verdict(1, robot.node.protocol().pending().seq(), ack_t::kAck);
   EXPECT_EQ(robot.node.protocol().commits(), 1);
+  EXPECT_EQ(robot.node.activity(robot.now).text,
+            "ready: commits what the planner sends and robots agree to; goes on without robots 2");
 }
 
 TEST(BroadcastGiveUp, AVoteOutlivesACrash) {
