@@ -377,11 +377,14 @@ Refusal BroadcastNode::on_last_words(Utime now, std::span<const std::uint8_t> by
   if (refusal == Refusal::kNone && !protocol_.is_of_roster(message)) refusal = Refusal::kRobot;
   if (refusal != Refusal::kNone) return refusal;
   if (!clocks_agree(now)) return Refusal::kTime;
-  const CommitProtocol::Peer& peer = protocol_.peers().at(words.robot_id);
-  if (std::pair(words.boot, words.seq) <= std::pair(peer.boot, peer.seq)) return Refusal::kNone;  // known
   protocol_.learn(message, keeper(now));
-  links_.at(words.robot_id).last_words = std::move(message);
+  if (is_known(message)) links_.at(words.robot_id).last_words = std::move(message);
   return Refusal::kNone;
+}
+
+bool BroadcastNode::is_known(const announcement_t& message) const {
+  const CommitProtocol::Peer& peer = protocol_.peers().at(message.header.robot_id);
+  return peer.heard && std::pair(peer.boot, peer.seq) == std::pair(message.header.boot, message.header.seq);
 }
 
 bool BroadcastNode::is_silent(Utime now, const Link& link) const {
@@ -445,9 +448,7 @@ void BroadcastNode::judge_peers(Utime now, Outbox& outbox) {
     link.may_be_judged = std::clamp(link.may_be_judged, now - gap_ / 2, now) + gap_ / 2;
     if (!link.is_of_other_time) {
       protocol_.receive(now, link.newest, keeper(now));
-      const CommitProtocol::Peer& peer = protocol_.peers().at(id);
-      if (std::pair(peer.boot, peer.seq) == std::pair(link.newest.header.boot, link.newest.header.seq))
-        link.last_words = link.newest;
+      if (is_known(link.newest)) link.last_words = link.newest;
     }
     shift(offered_step_, &link.newest);
     outbox.publish(BusId::kOnboard, channel::kPeerTrajectory, link.newest);

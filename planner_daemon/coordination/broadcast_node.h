@@ -103,6 +103,7 @@ class BroadcastNode : public Node {
   // Those that were not heard for too long; and starts anew where that was this one.
   void give_up(Utime now);
   bool is_silent(Utime now, const Link& link) const;
+  bool is_known(const sogm_swarm::announcement_t& message) const;  // to the protocol, as a peer's newest
   // Of those that were given up: to peers that know less, and to a planner that started since.
   void repeat_last_words(Utime now, Outbox& outbox);
   Utime judge_due(Utime now, Link& link) const;  // kNever: nothing waits

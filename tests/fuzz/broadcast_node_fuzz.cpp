@@ -140,6 +140,8 @@ announcement_t announcement_of(FuzzInput& input, Bench& bench, int id, Peer* pee
     ack.judged_seq = bench.own->pending.seq;
     ack.verdict = verdict % 4 == 1 ? ack_t::kNack : ack_t::kAck;
   }
+  if (verdict % 16 == 12) ack = {ack.peer_boot, input.byte(), ack_t::kGivenUp};
+  if (verdict % 32 == 28) message.acks[2 - static_cast<std::size_t>(id)] = {1, input.byte(), ack_t::kGivenUp};
   return message;
 }
 
