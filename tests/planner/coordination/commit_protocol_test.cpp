@@ -515,7 +515,7 @@ TEST(CommitProtocol, DISABLED_ThreeRobotsThatGiveUpEachOther) {
               2'000'000);
 }
 TEST(CommitProtocol, DISABLED_ThreeRobotsAndACrash) {
-  expect_safe({.sites = kSites, .goals = kGather, .proposals = 1, .ticks = 2, .copies = 1, .crashes = 1}, 1'000'000);
+  expect_safe({.sites = kSites, .goals = kGather, .proposals = 1, .ticks = 2, .copies = 1, .crashes = 1}, 1'500'000);
 }
 TEST(CommitProtocol, DISABLED_TwoRobotsWithStaleCopiesAndTwoCrashes) {
   expect_safe({.sites = kSites, .goals = kSwap, .ticks = 4, .copies = 3, .crashes = 2}, 2'000'000);
