@@ -51,6 +51,13 @@ void shift(Duration ahead, announcement_t* message) {
   later(&message->pending_stamp);
 }
 
+// Somewhere in [1/2, 3/2) of the gap, elsewhere after each announcement: robots that hear one at the same time would
+// otherwise speak at the same time again and again, and what collides in the air is lost.
+Duration scattered(Duration gap, const sogm_swarm::header_t& header) {
+  const auto number = static_cast<std::uint64_t>(header.seq) << 16 | static_cast<std::uint16_t>(header.robot_id);
+  return gap / 2 + gap * static_cast<std::int64_t>(number * 0x9E3779B97F4A7C15u >> 54) / 1024;
+}
+
 }  // namespace
 
 void declare(OptionSet& options, BroadcastConfig& config) {
@@ -576,13 +583,13 @@ Utime BroadcastNode::step(Utime now, Outbox& outbox) {
   return std::max(std::min({wake, status_.due(now, kStatusPeriod), flight_status_.due(now, kStatusPeriod)}), now + 1us);
 }
 
-// News at once, but for answers: the first of several waits for others, a little longer than announcements are apart.
+// News at once, but for answers: the first of several waits for others, nearly as long as announcements are apart.
 // And again soon while somebody waits for them, for they may get lost.
 Utime BroadcastNode::announce_due(Utime now) {
   if (has_news_) {  // the clock may have been set back
-    news_may_go_ = std::min(news_may_go_, now + gap_);
+    news_may_go_ = std::min(news_may_go_, now + 2 * gap_);
     answers_since_ = std::min(answers_since_, now);
-    return has_answers_alone_ ? std::max(news_may_go_, answers_since_ + gap_ + gap_ / 20) : news_may_go_;
+    return has_answers_alone_ ? std::max(news_may_go_, answers_since_ + pause_ * 3 / 4) : news_may_go_;
   }
   const bool is_lively = now < news_.due(now, kLively) && protocol_.is_awaited(now);
   const double period_s = is_lively ? config_.lively_s : protocol_.rests(now) ? config_.rest_s : config_.announce_s;
@@ -597,12 +604,14 @@ void BroadcastNode::announce(Utime now, Outbox& outbox) {
     const auto delay = link->second.clock.least_delay();
     if (delay) message.least_delay_us = static_cast<std::int32_t>(delay->count());
   }
+  const sogm_swarm::header_t header = message.header;
   outbox.publish(BusId::kSwarm, channel::kAnnouncement, pack(&message));
   publish_own(now, std::move(message), outbox);
   protocol_.said();
   has_news_ = false;
   announcement_.done(now);
-  news_may_go_ = std::clamp(news_may_go_, now - gap_, now) + gap_;
+  pause_ = scattered(gap_, header);
+  news_may_go_ = std::clamp(news_may_go_, now - gap_, now) + pause_;
 }
 
 // As it was announced, and when the planner has to know before peers do.

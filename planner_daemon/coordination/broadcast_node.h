@@ -155,6 +155,7 @@ class BroadcastNode : public Node {
   bool store_fails_ = false;
 
   Duration gap_{};                  // between announcements on average, at least: two may go at once
+  Duration pause_{};                // after the newest one
   Utime news_may_go_{};             // no earlier
   bool has_answers_alone_ = false;  // of the news
   Utime answers_since_{};

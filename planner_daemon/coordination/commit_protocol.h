@@ -26,8 +26,7 @@
 //     Robots that are closer than that, but no closer than they may be without it, may likewise commit what does not
 //     bring them nearer. One that has lost its motion altogether is bound to how it comes to rest: that is forced.
 //  8. Give up: who does not hear a peer votes it out, for the boot of it that is known (-1: never heard), and says up
-//  to
-//     which of its announcements it is known. Such a boot is never answered again: the vote is on disk before it is
+//     to which of its announcements it is known. Such a boot is never answered again: the vote is on disk before it is
 //     said, as is each new boot of a peer before it is echoed. Who has restarted since it answered that boot, and was
 //     not echoed by it, does not know what it answered, and has no vote on it.
 //     A robot counts a peer as given up when a majority of the whole roster votes so, itself and robots that it has not
@@ -117,10 +116,10 @@ class CommitProtocol {
     // Rule 8.
     static constexpr std::int32_t kNoBoot = -2;
     bool is_forgotten = false;  // an earlier start of ours answered this boot: what, is not known
-    std::int32_t given_up_boot =
-        kNoBoot;                     // that is never answered again, and all that it was answered by then was said
-    std::int64_t given_up_seq = -1;  // in announcements up to this one
-    bool given_up = false;           // by so many that nobody waits for it
+    // That is never answered again, and all that it was answered by then was said in announcements up to this one.
+    std::int32_t given_up_boot = kNoBoot;
+    std::int64_t given_up_seq = -1;
+    bool given_up = false;  // by so many that nobody waits for it
 
     bool acknowledged() const;  // by us: what it announces
     bool is_never_answered() const { return given_up_boot == boot; }

@@ -11,6 +11,7 @@ void BusRecorder::hear(Utime now, BusId bus, int robot_id, std::string_view chan
   if (count == channels_.end()) count = channels_.try_emplace(std::string(channel)).first;
   ++count->second.messages;
   count->second.bytes += static_cast<std::int64_t>(bytes.size());
+  if (bus == BusId::kOnboard && channel == channel::kOwnTrajectory) audit_.hear_own(bytes);
   if (bus != BusId::kSwarm || channel != channel::kAnnouncement) return;
   audit_.collect(bytes, clocks_are_set_ ? std::optional(now) : std::nullopt);
   air_.send(world_time_(now), channel, bytes);

@@ -42,11 +42,12 @@ bool CommitAudit::read(std::span<const std::uint8_t> bytes, Announcement* announ
   radius_m->second = std::min<double>(radius_m->second, message.radius);
   announcement->forced_seq = message.forced_seq;
   announcement->motion = motion_of(message);
-  note_delay(message);
   return true;
 }
 
-void CommitAudit::note_delay(const sogm_swarm::announcement_t& message) {
+void CommitAudit::hear_own(std::span<const std::uint8_t> bytes) {
+  sogm_swarm::announcement_t message;
+  if (decode(bytes, &message) != Refusal::kNone) return;
   if (message.pending_state != sogm_swarm::announcement_t::kCommitted) return;
   const std::pair trajectory(message.header.boot, message.pending.seq);
   const auto [newest, is_first] = committed_.try_emplace(message.header.robot_id, trajectory);

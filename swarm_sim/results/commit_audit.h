@@ -37,13 +37,14 @@ class CommitAudit {
   // worth.
   void collect(std::span<const std::uint8_t> bytes, std::optional<Utime> sent = {});
   void finish();
+  // An OWN_TRAJECTORY of any robot, which says at once what was committed; peers hear of it with the next announcement.
+  void hear_own(std::span<const std::uint8_t> bytes);
 
   int robots() const { return static_cast<int>(robots_.size()); }
   std::int64_t motions() const { return motions_; }  // audited
   std::int64_t forced() const { return forced_; }    // of them
   const std::vector<CommitConflict>& conflicts() const { return conflicts_; }
-  // Of each trajectory that was committed before it began: from when it was announced until it was first said to be
-  // committed [ms].
+  // Of each trajectory that was committed before it began, by hear_own(): from when it was announced until then [ms].
   const std::vector<double>& delays_ms() const { return delays_ms_; }
 
  private:
@@ -66,7 +67,6 @@ class CommitAudit {
   };
   // False: it is none.
   bool read(std::span<const std::uint8_t> bytes, Announcement* announcement);
-  void note_delay(const sogm_swarm::announcement_t& message);
   void hear(const Announcement& announcement);
   void hear_collected(std::size_t count);  // so many, the oldest
 

@@ -86,18 +86,27 @@ TEST(CommitAudit, ARestartThatCountsFromTheBeginningIsAudited) {
   EXPECT_EQ(audit.conflicts().size(), 1u);
 }
 
-// From its announcement until it is first said to be committed; once for each, also where a robot starts anew.
+// From its announcement until the robot itself first says that it is committed; once for each, also where it starts
+// anew.
 TEST(CommitAudit, TellsHowLongCommitsTook) {
   const Trajectory hop = flight(kHover0, {0.1, 0, 1});
   CommitAudit audit;
-  audit.hear(announcement(0, 4, kHover0, hop, announcement_t::kAnnounced));
+  const auto hear_own = [&audit](const Bytes& announced) {
+    announcement_t message;
+    ASSERT_EQ(decode_packed(announced, &message), Refusal::kNone);
+    audit.hear_own(encode(message));
+  };
+  hear_own(announcement(0, 4, kHover0, hop, announcement_t::kAnnounced));
   EXPECT_TRUE(audit.delays_ms().empty());
-  audit.hear(announcement(0, 7, kHover0, hop, announcement_t::kCommitted, 1, 0, kStart + 4ms));
-  audit.hear(announcement(0, 9, kHover0, hop, announcement_t::kCommitted, 1, 0, kStart + 4ms));  // said again
-  audit.hear(announcement(0, 11, hop));
-  audit.hear(announcement(1, 2, kHover1, flight(kHover1, {1.9, 0, 1}), announcement_t::kCommitted));
-  audit.hear(announcement(0, 12, kHover0, hop, announcement_t::kCommitted, 2, 0, kStart + 11ms));
+  hear_own(announcement(0, 7, kHover0, hop, announcement_t::kCommitted, 1, 0, kStart + 4ms));
+  hear_own(announcement(0, 9, kHover0, hop, announcement_t::kCommitted, 1, 0, kStart + 4ms));  // said again
+  hear_own(announcement(0, 11, hop));
+  hear_own(announcement(1, 2, kHover1, flight(kHover1, {1.9, 0, 1}), announcement_t::kCommitted));
+  hear_own(announcement(0, 12, kHover0, hop, announcement_t::kCommitted, 2, 0, kStart + 11ms));
   EXPECT_EQ(audit.delays_ms(), (std::vector<double>{3.0, 2.0, 1.0}));
+  audit.hear(announcement(0, 20, kHover0, hop, announcement_t::kCommitted, 3));
+  audit.hear_own(Bytes{1, 2, 3});
+  EXPECT_EQ(audit.delays_ms().size(), 3u);
 }
 
 // Forced ones are conflicts like others, and said to be forced, also once they are flown.
