@@ -21,6 +21,7 @@ constexpr Duration kStatusPeriod = 1s;
 constexpr Duration kSilent = 500ms;   // a peer that was not heard for so long may have to step aside unseen
 constexpr Duration kUrgent = 1s;      // before an obstacle comes, a plan must begin to get out of its way
 constexpr Duration kGetAway = 600ms;  // and can begin at the latest
+constexpr double kCalmWay_m = 0.2;    // flown between two plans, at most, while nothing asks for one
 constexpr double kSamePlace_m = 1e-3, kRest_mps = 1e-2, kRest_mps2 = 0.1;
 
 // From then on at rest at one place, as near as anybody sees.
@@ -285,7 +286,7 @@ Utime PlannerNode::step(Utime now, Outbox& outbox) {
     const bool is_patient = own_->next.empty() && !pending_.empty() && pending_.start_utime() != urgent_start_;
     const Utime latest = std::min(pending_.start_utime(), now + kMaxAhead);
     if (now < due && is_patient && touch_utime(now, latest + kUrgent) != kNever) due = period_due;
-    const Utime calm_due = plan_.due(now, to_duration(config_.calm_period_s));
+    const Utime calm_due = plan_.due(now, calm_period(now));
     if (now >= due && now < calm_due && !map_can_wait_) map_can_wait_ = is_calm(now);  // looked at once for each map
     if (map_can_wait_ && planned_to_ == destination()) due = std::max(due, calm_due);
     if (now < due) {
@@ -300,6 +301,12 @@ Utime PlannerNode::step(Utime now, Outbox& outbox) {
     wake = std::min(wake, status_.due(now, kStatusPeriod));
   }
   return std::max(wake, now + 1us);
+}
+
+// Who is fast is soon elsewhere.
+Duration PlannerNode::calm_period(Utime now) const {
+  const double speed_mps = own_->at(now).velocity.cwiseAbs().maxCoeff();
+  return to_duration(std::min(config_.calm_period_s, kCalmWay_m / std::max(speed_mps, 1e-3)));
 }
 
 // The newest plan leads to where the robot is to go, and what is flown keeps clear of all that is known.

@@ -63,7 +63,8 @@ class PlannerNode : public Node {
   Refusal on_goal(std::span<const std::uint8_t> bytes);
   Refusal on_flight_status(Utime now, std::span<const std::uint8_t> bytes);
   TimeWindow window(Utime now) const;  // how old maps and announcements may be, and how far ahead
-  bool is_calm(Utime now) const;       // nothing asks for a plan
+  Duration calm_period(Utime now) const;
+  bool is_calm(Utime now) const;  // nothing asks for a plan
   // When an obstacle comes within the clearance of what the robot is bound to; kNever: not until then.
   Utime touch_utime(Utime now, Utime until) const;
   Utime start_utime(Utime now, bool is_slow);  // of the next plan

@@ -133,16 +133,16 @@ TEST_F(Day, EachLostLinkIsOutlived) {
     EXPECT_TRUE(wait_for(kPatience * seconds, [&] { return has_said(id, daemon, words, after); })) << words << "\n"
                                                                                                    << log(id, daemon);
   };
-  said(30, 1, "broadcast", "robot 0 silent");
+  const char* const without = "goes on without robots 0";
+  said(30, 1, "broadcast", without);
   const auto planner = pid_of("planner", 1);
   ASSERT_TRUE(planner);
   ASSERT_EQ(::kill(*planner, SIGSTOP), 0);
-  said(30, 2, "broadcast", "waits for robots 0 (never heard)");
+  said(30, 2, "broadcast", without);
   said(30, 3, "map", "waits for ROBOT_STATE");
   said(30, 3, "map", "makes maps", "waits for ROBOT_STATE");
   ASSERT_EQ(::kill(*planner, SIGCONT), 0);
-  said(30, 1, "broadcast", "ready", "robot 0 silent");
-  said(30, 2, "broadcast", "ready", "(never heard)");
+  for (const int id : {1, 2}) said(30, id, "broadcast", "agree to\n", without);
   const Finished home = tell({"0,1,2,3", "home"});
   EXPECT_EQ(home.exit_code, 0) << home.out << home.err;
   const nlohmann::json report = end();

@@ -145,7 +145,7 @@ TEST_F(Python, RefusesWhatIsNoGoodMessage) {
   EXPECT_EQ(told.exit_code, 0) << told.err;
   EXPECT_EQ(told.out,
             "robot_state_t None\n20 bytes are too short for a message\nthis is no goal_t, or that of another version\n"
-            "damaged: its CRC is wrong\nschema version 2, not 1\n");
+            "damaged: its CRC is wrong\nschema version 3, not 2\n");
 }
 
 }  // namespace

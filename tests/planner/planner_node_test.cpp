@@ -311,7 +311,7 @@ TEST(PlannerNode, RefusalsAreCountedAndChangeNothing) {
     expect_refused(Refusal::kSize, channel, {});
     expect_refused(Refusal::kFingerprint, channel, Bytes(damaged.size(), 0x5a));
     expect_refused(Refusal::kCrc, channel, damaged);
-    expect_refused(Refusal::kVersion, channel, changed([](auto& m) { m.header.schema_version = 2; }));
+    expect_refused(Refusal::kVersion, channel, changed([](auto& m) { ++m.header.schema_version; }));
     expect_refused(Refusal::kRobot, channel,
                    changed([&](auto& m) { m.header.robot_id = static_cast<std::int16_t>(wrong_robot); }));
     if (!timed) return;

@@ -94,7 +94,7 @@ TEST(CommitAudit, TellsHowLongCommitsTook) {
   const auto hear_own = [&audit](const Bytes& announced) {
     announcement_t message;
     ASSERT_EQ(decode_packed(announced, &message), Refusal::kNone);
-    audit.hear_own(encode(message));
+    audit.hear_own(encoded(message));
   };
   hear_own(announcement(0, 4, kHover0, hop, announcement_t::kAnnounced));
   EXPECT_TRUE(audit.delays_ms().empty());

@@ -162,8 +162,9 @@ TEST(BroadcastNode, NewsAreRepeatedSoonAndNeverFasterThanTheSwarmMay) {
     slow.send(channel::kAnnouncement, peer.message(slow.now, 1), BusId::kSwarm);
     slow.run_for(0.001);
   }
-  // One of its own, then answers, of which several wait for each other.
-  EXPECT_EQ(slow.out.count(channel::kAnnouncement, BusId::kSwarm), 8);
+  // One of its own, then answers, of which several wait for each other; scattered, but no more often on average.
+  EXPECT_GE(slow.out.count(channel::kAnnouncement, BusId::kSwarm), 7);
+  EXPECT_LE(slow.out.count(channel::kAnnouncement, BusId::kSwarm), 12);
   EXPECT_GT(slow.out.newest<announcement_t>(channel::kAnnouncement, BusId::kSwarm).acks[2].judged_seq, 350);
 }
 
