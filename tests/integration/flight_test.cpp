@@ -14,11 +14,12 @@ namespace {
 
 const std::filesystem::path kData = SWARM_TEST_DATA;
 
-// Flies it and expects success, and nearly ten plans a second: so many are made while nothing comes into the way.
+// Flies it and expects success, and eight plans a second: ten are made while nothing comes into the way, fewer where
+// they wait for each other.
 void fly(const World& world, const OccupiedCubes* static_map = nullptr, const FlightOptions& options = {}) {
   const RunReport report = run_lockstep(world, static_map, options, LockstepDelays(), nullptr, nullptr, nullptr);
   EXPECT_EQ(report.outcome, Outcome::kSuccess) << summary_table(report);
-  for (const RobotReport& robot : report.robots) EXPECT_GE(robot.plan_rate_hz, 9.0);
+  for (const RobotReport& robot : report.robots) EXPECT_GE(robot.plan_rate_hz, 8.0);
 }
 
 TEST(FlightTest, CrossesAmongColumnsAndRings) {
