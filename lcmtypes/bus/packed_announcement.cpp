@@ -1,3 +1,4 @@
+// Long because each field is told once for both ways, packing and unpacking.
 #include "lcmtypes/bus/packed_announcement.h"
 
 #include <algorithm>
