@@ -1,6 +1,5 @@
 // What the broadcast daemon says and does with what it hears: announcements, setpoints, statuses and refusals. Long
 // because every message that it hears and says is tried.
-// Long because the whole node is looked at from its buses; what it delegates has tests of its own.
 #include "planner_daemon/coordination/broadcast_node.h"
 
 #include <array>
