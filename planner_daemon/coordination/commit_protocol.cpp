@@ -56,15 +56,14 @@ CommitProtocol::CommitProtocol(const Rules& rules) : rules_(rules) {
     ids.push_back(static_cast<std::uint8_t>(id));
   }
   roster_crc_ = static_cast<std::int32_t>(crc32(ids));
+  for (std::size_t place = 0; auto& [id, peer] : peers_) peer.place = place++;
   peers_.erase(rules.robot_id);
 }
 
 void CommitProtocol::remember(std::int32_t roster_crc, const std::vector<ack_t>& acks) {
   if (roster_crc != roster_crc_ || acks.size() != num_robots()) return;
-  std::size_t place = 0;
   for (auto& [id, peer] : peers_) {
-    if (place == place_) ++place;
-    const ack_t& kept = acks[place++];
+    const ack_t& kept = acks[peer.place];
     peer.boot = kept.peer_boot;
     peer.is_forgotten = kept.peer_boot >= 0;
     if (!gives_up(kept) || kept.peer_boot < 0) continue;
@@ -181,6 +180,7 @@ CommitProtocol::Peer* CommitProtocol::take(const announcement_t& message, const 
   if (std::pair(message.header.boot, message.header.seq) <= std::pair(peer.boot, peer.seq)) return nullptr;
   if (peer.boot != message.header.boot) {  // nothing said before counts
     const Peer before = std::exchange(peer, Peer());
+    peer.place = before.place;
     if (before.heard) peer.least_radius_m = before.least_radius_m;
     peer.boot = message.header.boot;
     if (motion_ && !keep(promise())) {
@@ -244,44 +244,41 @@ bool CommitProtocol::give_up(int id, const Keep& keep) {
 
 // One after the other: who was given up has no vote any more.
 void CommitProtocol::count_votes() {
-  std::size_t place = 0;
-  for (auto& [id, peer] : peers_) {
-    if (place == place_) ++place;
-    const std::size_t at = place++;
-    const auto knows_later_start = [&](const auto& other) {
-      return other.first != id && !other.second.given_up && other.second.heard &&
-             other.second.acks[at].peer_boot > peer.boot;
-    };
-    if (std::any_of(peers_.begin(), peers_.end(), knows_later_start)) {
+  for (auto& entry : peers_) {
+    Peer& peer = entry.second;
+    const bool has_started_again = std::any_of(peers_.begin(), peers_.end(), [&peer](const auto& other) {
+      return tells_of(other.second, peer) && other.second.acks[peer.place].peer_boot > peer.boot;
+    });
+    if (has_started_again) {
       peer.given_up = false;
-    } else if (!peer.given_up && are_enough(at, peer)) {
+    } else if (!peer.given_up && are_enough_against(peer)) {
       peer.given_up = news_ = true;
     }
   }
 }
 
-bool CommitProtocol::are_enough(std::size_t place, const Peer& peer) const {
-  std::size_t votes = peer.is_voted_out() ? votes_of(place_) : 0, voter = 0;
+bool CommitProtocol::tells_of(const Peer& other, const Peer& peer) {
+  return other.place != peer.place && other.heard && !other.given_up;
+}
+
+bool CommitProtocol::are_enough_against(const Peer& peer) const {
+  std::size_t votes = peer.is_voted_out() ? votes_of(place_) : 0;
   for (const auto& [id, other] : peers_) {
-    if (voter == place_) ++voter;
-    const std::size_t at = voter++;
-    if (at == place || other.given_up || !other.heard) continue;
-    const ack_t& vote = other.acks[place];
+    if (!tells_of(other, peer)) continue;
+    const ack_t& vote = other.acks[peer.place];
     const bool knows_no_more = vote.peer_boot < 0 || (peer.heard && vote.judged_seq <= number_of(peer.seq));
-    if (gives_up(vote) && vote.peer_boot == peer.boot && knows_no_more) votes += votes_of(at);
+    if (gives_up(vote) && vote.peer_boot == peer.boot && knows_no_more) votes += votes_of(other.place);
   }
   return is_majority(votes, num_robots());
 }
 
 bool CommitProtocol::must_repeat(int id) const {
-  const auto found = peers_.find(id);
-  const Peer& peer = found->second;
+  const Peer& peer = peers_.at(id);
   if (!peer.heard || !peer.is_voted_out()) return false;
-  const auto place = static_cast<std::size_t>(std::distance(peers_.begin(), found)) + (id > rules_.robot_id ? 1 : 0);
-  return std::any_of(peers_.begin(), peers_.end(), [&](const auto& entry) {
-    const auto& [other_id, other] = entry;
-    if (other_id == id || other.given_up || !other.heard) return false;
-    const ack_t& ack = other.acks[place];
+  return std::any_of(peers_.begin(), peers_.end(), [&peer](const auto& entry) {
+    const Peer& other = entry.second;
+    if (!tells_of(other, peer)) return false;
+    const ack_t& ack = other.acks[peer.place];
     if (ack.peer_boot != peer.boot) return ack.peer_boot < peer.boot;
     return !gives_up(ack) || ack.judged_seq < number_of(peer.seq);
   });
@@ -365,28 +362,26 @@ announcement_t CommitProtocol::state() const {
   message.roster_crc = roster_crc_;
   message.forced_seq = forced_seq_;
   message.least_delay_us = announcement_t::kUnknown;
+  message.acks.assign(num_robots(), {-1, 0, ack_t::kNone});
   for (const auto& [id, peer] : peers_) {
-    if (message.acks.size() == place_) message.acks.push_back({-1, 0, ack_t::kNone});
-    const bool counts = !peer.pending.empty() && peer.pending.seq() == peer.judged_seq;  // else its peer has gone on
-    if (peer.is_never_answered()) {
-      message.acks.push_back({peer.boot, 0, ack_t::kNone});
-      if (peer.is_voted_out()) message.acks.back() = {peer.boot, number_of(peer.seq), ack_t::kGivenUp};
-    } else {
-      message.acks.push_back({peer.boot, counts ? peer.judged_seq : 0, counts ? peer.verdict : ack_t::kNone});
+    ack_t& ack = message.acks[peer.place];
+    ack.peer_boot = peer.boot;
+    if (peer.is_voted_out()) {
+      ack.judged_seq = number_of(peer.seq);
+      ack.verdict = ack_t::kGivenUp;
+    } else if (!peer.is_never_answered() && !peer.pending.empty() && peer.pending.seq() == peer.judged_seq) {
+      ack.judged_seq = peer.judged_seq;  // else its peer has gone on
+      ack.verdict = peer.verdict;
     }
   }
-  if (message.acks.size() == place_) message.acks.push_back({-1, 0, ack_t::kNone});
   message.num_acks = static_cast<std::int16_t>(message.acks.size());
   return message;
 }
 
 announcement_t CommitProtocol::promise() const {
   announcement_t message = state();
-  std::size_t place = 0;
   for (const auto& [id, peer] : peers_) {
-    if (place == place_) ++place;
-    ack_t& ack = message.acks[place++];
-    if (peer.is_never_answered()) ack = {peer.boot, number_of(peer.given_up_seq), ack_t::kGivenUp};
+    if (peer.is_never_answered()) message.acks[peer.place] = {peer.boot, number_of(peer.given_up_seq), ack_t::kGivenUp};
   }
   return message;
 }

@@ -97,6 +97,7 @@ class CommitProtocol {
   using Keep = std::function<bool(const sogm_swarm::announcement_t& promise)>;
   // What is known of a peer.
   struct Peer {
+    std::size_t place = 0;  // in the roster, and of what is said of it in acks
     bool heard = false;
     bool hears_us = false;        // it has echoed this start of ours
     std::int32_t our_boot = -1;   // that it has echoed
@@ -205,7 +206,8 @@ class CommitProtocol {
   void withdraw();
   bool bears_on_votes(const sogm_swarm::announcement_t& message) const;
   void count_votes();
-  bool are_enough(std::size_t place, const Peer& peer) const;
+  static bool tells_of(const Peer& other, const Peer& peer);
+  bool are_enough_against(const Peer& peer) const;
   std::size_t num_robots() const { return peers_.size() + 1; }
   bool everybody_agrees() const;
   double radius_m() const { return rules_.radius_m + error_bound_m_; }
