@@ -302,17 +302,21 @@ void CommitProtocol::advance(Utime now) {
   if (refused || now >= pending_.start_utime()) withdraw();
 }
 
-bool CommitProtocol::everybody_agrees() const {
-  return !doubts_clocks_ && all_hear() && std::all_of(peers_.begin(), peers_.end(), [this](const auto& entry) {
-    const auto& [id, peer] = entry;
-    return peer.given_up ||
-           (peer.our_seq == pending_.seq() && (rules_.robot_id < id || peer.our_verdict == ack_t::kAck));
-  });
+bool CommitProtocol::is_agreed() const {
+  if (doubts_clocks_ || !all_hear()) return false;
+  std::size_t judges = votes_of(place_);
+  for (const auto& [id, peer] : peers_) {
+    if (peer.given_up) continue;
+    const bool has_judged = peer.our_seq == pending_.seq();
+    if (id < rules_.robot_id && !(has_judged && peer.our_verdict == ack_t::kAck)) return false;
+    if (has_judged) judges += votes_of(peer.place);
+  }
+  return is_majority(judges, num_robots());
 }
 
 bool CommitProtocol::may_commit(Utime now) const {
   if (pending_.empty() || now >= pending_.start_utime()) return false;
-  const bool agreed = everybody_agrees();
+  const bool agreed = is_agreed();
   if (!agreed && !(urgent_ && now >= pending_.start_utime() - kLastMoment)) return false;
   return std::all_of(peers_.begin(), peers_.end(), [this, agreed](const auto& entry) {
     const auto& [id, peer] = entry;
@@ -327,7 +331,7 @@ bool CommitProtocol::may_commit(Utime now) const {
 bool CommitProtocol::commit(const Keep& keep) {
   const std::int32_t forced_before = forced_seq_;
   motion_->next = pending_;
-  if (!everybody_agrees()) forced_seq_ = pending_.seq();
+  if (!is_agreed()) forced_seq_ = pending_.seq();
   if (!keep(promise())) {
     motion_->next = Trajectory();
     forced_seq_ = forced_before;

@@ -9,9 +9,10 @@
 //     C; of two P in conflict the older stamp wins (then the lower id), and the loser is refused or withdrawn; all else
 //     is acknowledged. An acknowledgement binds: the peer's P counts as flown until a newer announcement of the peer no
 //     longer shows it. It never expires.
-//  3. Commit before t_b, when every peer that was not given up was heard, has heard this start of the daemon and has
-//     judged P, with an acknowledgement where it holds the pair, and P is free of what this robot acknowledged and, if
-//     it holds, free of the peer's C. The commit is on disk before it is announced or flown.
+//  3. Commit before t_b, when every peer that was not given up was heard and has heard this start of the daemon, every
+//     holder among them has acknowledged P, a majority of the whole roster (rule 8) has judged it, this robot included,
+//     and P is free of what this robot acknowledged and of the C of those for whom it holds. The commit is on disk
+//     before it is announced or flown.
 //  4. Withdraw P at t_b, or when a holder refuses it. A number is never used again.
 //  5. Restart: C comes from the disk, `boot` grows (where nothing was kept, or the robot is elsewhere, C is to hover
 //     where it is: nobody was asked, but that is where it is). A new boot of a peer voids what it acknowledged, its P
@@ -19,9 +20,9 @@
 //     on anything this robot said before the crash.
 //  6. Last resort: a P that is urgent, because the robot will be hit on C, is committed a moment before t_b without
 //     everybody's word, when it is free of every C and P that is known. Such a P is `forced`; it may meet what others
-//     force meanwhile, what a peer commits that has not echoed this start (it may rely on an answer from before), or a
-//     robot that was never heard. Two robots that are closer than they may be since then may commit what does not bring
-//     them nearer.
+//     force meanwhile, what a holder that has not answered commits meanwhile, what a peer commits that has not echoed
+//     this start (it may rely on an answer from before), or a robot that was never heard. Two robots that are closer
+//     than they may be since then may commit what does not bring them nearer.
 //  7. A robot that is off its motion by up to an error bound announces its radius with it; what is new keeps that off.
 //     Robots that are closer than that, but no closer than they may be without it, may likewise commit what does not
 //     bring them nearer. One that has lost its motion altogether is bound to how it comes to rest: that is forced.
@@ -42,18 +43,18 @@
 // commit is always among what the holder knows (its C, or a P that the holder acknowledged and keeps), and the holder
 // commits nothing that conflicts with that. An asker commits nothing without the holder's word, given against the
 // holder's own C and P.
-// Whoever commits has not given up a majority, itself included: the voters of the last one that it gave up are among
-// them. So of those who vote a boot of j out for i, one, k, was waited for by j at whatever j commits in that boot. k
-// judged it before it voted, i knows no less of j than k: i keeps off all that j ever commits in that boot, at whatever
-// time. There remain a boot that i counts as given up and a later one in which j commits. Where j waits for i, i has
-// echoed the later one, and waits for j from then on; what it committed before it shows with the echo. Where j counts
-// on the absence of an older boot of i as well, both wait for some k, which judged what each commits, in the boot that
-// it commits it in, one after the other. The answer to the second shows the later boot of the first robot, which is
-// waited for from then on.
+// Whatever j commits was judged by a majority, and a majority without j votes a boot of j out for i: one, k, is in
+// both. k judged it before it voted, i knows no less of j than k: i keeps off all that j ever commits in that boot, at
+// whatever time. There remain a boot that i counts as given up and a later one in which j commits. Where j waits for i,
+// i has echoed the later one, and waits for j from then on; what it committed before it shows with the echo. Where j
+// counts on the absence of an older boot of i as well, neither counts the other among its judges, so some k judged what
+// each commits, in the boot that it commits it in, one after the other. The answer to the second shows the later boot
+// of the first robot, which is waited for from then on.
 //
-// Who waits for whom: everybody for the judgement of all that fly, which they give at once, and a P that loses to
-// another is withdrawn, not kept waiting. A robot that falls silent keeps its C (and its P) for ever; the others stop
-// until it is given up, then they fly on around it. Who cannot hear a majority comes to rest where it promised to.
+// Who waits for whom: everybody for the lower ids and for the first to answer of the others, who judge at once, and a P
+// that loses to another is withdrawn, not kept waiting. A robot that falls silent keeps its C (and its P) for ever; the
+// higher ids stop until it is given up, then they fly on around it. Who cannot hear a majority comes to rest where it
+// promised to.
 #pragma once
 
 #include <cstdint>
@@ -209,7 +210,7 @@ class CommitProtocol {
   static bool tells_of(const Peer& other, const Peer& peer);
   bool are_enough_against(const Peer& peer) const;
   std::size_t num_robots() const { return peers_.size() + 1; }
-  bool everybody_agrees() const;
+  bool is_agreed() const;
   double radius_m() const { return rules_.radius_m + error_bound_m_; }
   double apart_m(double radius_m, double other_radius_m) const {
     return radius_m + other_radius_m + rules_.separation_m;

@@ -38,7 +38,7 @@ struct Scope {
   Duration lead = kTick;          // from a proposal to the start of the flight
   // Faults, to see that they are found.
   bool forgets = false;          // a crash loses what was promised
-  bool commits_unheard = false;  // who has the right of way does not wait until all have heard
+  bool commits_unheard = false;  // who has the right of way waits for no majority
   bool knows_by_votes = false;   // to be given up by enough is enough, whatever they know of it
   bool drops_pending = false;    // of who was given up what was pending is forgotten
   bool ignores_starts = false;   // nor is it believed that it has started anew
@@ -523,12 +523,12 @@ TEST(CommitProtocol, DISABLED_TwoRobotsWithStaleCopiesAndTwoCrashes) {
 
 // Whoever likes gives up whomever it likes, whether or not it lives, and who was given up comes back.
 TEST(CommitProtocol, TwoRobotsThatGiveUpEachOther) {
-  expect_safe({.sites = kSites, .goals = kSwap, .ticks = 3, .give_ups = 1}, 150'000);
-  expect_safe({.sites = kSites, .goals = kSwap, .ticks = 2, .give_ups = 2}, 110'000);
+  expect_safe({.sites = kSites, .goals = kSwap, .ticks = 3, .give_ups = 1}, 60'000);
+  expect_safe({.sites = kSites, .goals = kSwap, .ticks = 2, .give_ups = 2}, 50'000);
 }
 
 TEST(CommitProtocol, TwoRobotsThatGiveUpAndCrash) {
-  expect_safe({.sites = kSites, .goals = kSwap, .ticks = 2, .crashes = 1, .give_ups = 1}, 230'000);
+  expect_safe({.sites = kSites, .goals = kSwap, .ticks = 2, .crashes = 1, .give_ups = 1}, 120'000);
 }
 
 TEST(CommitProtocol, ThreeRobotsOfWhichOneIsGivenUp) {
@@ -557,7 +557,7 @@ void expect_fault(bool Scope::*fault, const std::function<void(Swarm&)>& story) 
   }
 }
 
-TEST(CommitProtocol, WhoMayBeGivenUpIsHeardBeforeItCommits) {
+TEST(CommitProtocol, WhoMayBeGivenUpIsHeardByAMajorityBeforeItCommits) {
   expect_fault(&Scope::commits_unheard, [](Swarm& swarm) {
     swarm.propose(0, 3);
     swarm.give_up(1, 0), swarm.give_up(2, 0);
@@ -599,12 +599,11 @@ TEST(CommitProtocol, WhoComesBackIsWaitedForAgain) {
   });
 }
 
-// Forced commits are the last resort: they meet nothing that all have heard. Whatever has met, by a fault, comes apart
-// again.
+// Forced commits can meet others, which is why they are the last resort; but not those of the holder, and whatever has
+// met comes apart again.
 TEST(CommitProtocol, TwoRobotsOfWhichOneIsInDanger) {
-  for (const int urgent : {0, 1}) expect_safe({.sites = kSites, .goals = kSwap, .ticks = 4, .urgent = urgent}, 13'000);
-  const Found found = Search(7, true).all_of(
-      Swarm({.sites = kSites, .goals = kSwap, .ticks = 3, .urgent = 1, .commits_unheard = true}));
+  expect_safe({.sites = kSites, .goals = kSwap, .ticks = 4, .urgent = 0}, 13'000);
+  const Found found = Search(7, true).all_of(Swarm({.sites = kSites, .goals = kSwap, .ticks = 3, .urgent = 1}));
   EXPECT_NE(found.conflict, "");
   EXPECT_EQ(found.dead, 0);
   EXPECT_GT(found.states, 1'000);
