@@ -257,6 +257,7 @@ bool PlannerNode::on_clock_step(Utime, Duration step) {
   if (own_) shift(*own_, pending_);
   pending_stamp_ += step;
   planned_.reset();
+  if (asked_) *asked_ += step;
   if (urgent_start_) *urgent_start_ += step;
   map_.start_utime += step;
   seen_.start_utime += step;
@@ -309,10 +310,14 @@ Duration PlannerNode::calm_period(Utime now) const {
   return to_duration(std::min(config_.calm_period_s, kCalmWay_m / std::max(speed_mps, 1e-3)));
 }
 
-// The newest plan leads to where the robot is to go, and what is flown keeps clear of all that is known.
+// The newest plan leads to where the robot is to go and is flown, and that keeps clear of all that is known.
 bool PlannerNode::is_calm(Utime now) const {
-  return newest_ != nullptr && newest_->fly && planned_to_ == destination() &&
+  return newest_ != nullptr && newest_->fly && planned_to_ == destination() && flies_newest() &&
          keeps_clear(*own_, map_, peer_list_, config_.planner.space.blocked_m(), now);
+}
+
+bool PlannerNode::flies_newest() const {
+  return !asked_ || (!own_->next.empty() ? own_->next : own_->committed).start_utime() == *asked_;
 }
 
 Utime PlannerNode::touch_utime(Utime now, Utime until) const {
@@ -374,6 +379,7 @@ void PlannerNode::plan(Utime now, Outbox& outbox) {
   newest_ = &planner_.plan(request_);
   ++plans_;
   plan_times_.push_back(now);
+  asked_.reset();
   if (newest_->fly && !is_hover_again(request_.own, newest_->trajectory)) {
     sogm_swarm::candidate_t candidate{};
     candidate.header = candidate_headers_.next(now);
@@ -381,6 +387,7 @@ void PlannerNode::plan(Utime now, Outbox& outbox) {
     trajectory.set_seq(++candidate_seq_);
     candidate.trajectory = trajectory.to_wire();
     candidate.urgent = is_urgent ? 1 : 0;
+    asked_ = trajectory.start_utime();
     planned_ = {now, trajectory.start_utime(), durations_count_ ? newest_->total_ms() / 1000.0 : 0.0, is_slow};
     outbox.publish(BusId::kOnboard, channel::kCandidate, candidate);
     publish_corridors(now, outbox);

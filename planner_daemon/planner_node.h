@@ -65,6 +65,7 @@ class PlannerNode : public Node {
   TimeWindow window(Utime now) const;  // how old maps and announcements may be, and how far ahead
   Duration calm_period(Utime now) const;
   bool is_calm(Utime now) const;  // nothing asks for a plan
+  bool flies_newest() const;      // the plan: it was committed, or is to go on hovering
   // When an obstacle comes within the clearance of what the robot is bound to; kNever: not until then.
   Utime touch_utime(Utime now, Utime until) const;
   Utime start_utime(Utime now, bool is_slow);  // of the next plan
@@ -102,6 +103,7 @@ class PlannerNode : public Node {
     double took_s;
     bool is_slow;
   };
+  std::optional<Utime> asked_;            // the start of the newest plan's candidate; none: it was to go on hovering
   std::optional<Planned> planned_;        // the newest candidate, until it is announced
   std::array<PlanDelay, 2> plan_delays_;  // of plans that are not slow, and of slow ones
   CommitDelay commit_delay_;
