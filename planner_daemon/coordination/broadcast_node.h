@@ -32,8 +32,8 @@ struct BroadcastConfig {
   double separation_m = 0.02;   // kept between surfaces of committed motions
   double announce_s = 0.05;     // repetition of the announcement
   double rest_s = 0.1;          // the same while the robot hovers
-  double lively_s = 0.02;       // the same right after news, while somebody waits for them
-  double swarm_rate_hz = 1000;  // announcements of all robots together, at most
+  double lively_s = 0.008;      // the same right after news, while somebody waits for them
+  double swarm_rate_hz = 2000;  // announcements of all robots together, at most
   double give_up_after_s = 2;   // a peer that was not heard for so long; 0: never
   double setpoint_rate_hz = 100;
   double yaw_rate_max_radps = 1.5;

@@ -208,13 +208,14 @@ CommitProtocol::Peer* CommitProtocol::take(const announcement_t& message, const 
 
 void CommitProtocol::judge(Utime now, int peer_id, Peer* peer) {
   if (peer->pending.empty() || !motion_ || peer->is_never_answered()) return;
+  const bool is_waited_for = waits_for_us(*peer);
   if (peer->pending.seq() <= peer->judged_seq) {
-    is_asked_again_ = true;
+    is_asked_again_ |= is_waited_for;
     return;
   }
   peer->judged_seq = peer->pending.seq();
   peer->verdict = ack_t::kAck;
-  answers_ = true;
+  answers_ |= is_waited_for;
   const bool late = peer->pending.start_utime() + to_duration(rules_.clock_error_s) <= now;  // by any clock
   if (late || !keeps_off(peer->pending, *motion_, *peer)) {
     peer->verdict = ack_t::kNack;
@@ -225,6 +226,15 @@ void CommitProtocol::judge(Utime now, int peer_id, Peer* peer) {
       withdraw();
     }
   }
+}
+
+// As it holds the pair, or is one of the majority of the lowest ids that live.
+bool CommitProtocol::waits_for_us(const Peer& peer) const {
+  if (place_ < peer.place) return true;
+  std::size_t judges = votes_of(peer.place);
+  for (const auto& [id, other] : peers_)
+    if (other.place < place_ && other.place != peer.place && !other.given_up) judges += votes_of(other.place);
+  return !is_majority(judges, num_robots());
 }
 
 bool CommitProtocol::give_up(int id, const Keep& keep) {

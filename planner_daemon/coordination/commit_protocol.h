@@ -204,6 +204,7 @@ class CommitProtocol {
   // The peer, where the announcement is its newest.
   Peer* take(const sogm_swarm::announcement_t& message, const Keep& keep);
   void judge(Utime now, int peer_id, Peer* peer);
+  bool waits_for_us(const Peer& peer) const;
   void withdraw();
   bool bears_on_votes(const sogm_swarm::announcement_t& message) const;
   void count_votes();

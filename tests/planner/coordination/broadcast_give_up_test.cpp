@@ -50,6 +50,28 @@ TEST(BroadcastGiveUp, GoesOnWhereTheMajorityDoesNotHearOne) {
             "ready: commits what the planner sends and robots agree to; goes on without robots 2");
 }
 
+TEST(BroadcastGiveUp, AnotherOneIsWaitedForInItsPlace) {
+  CommitProtocol protocol({.robot_id = 2, .boot = kBoot, .roster = {0, 1, 2}});
+  protocol.start({Trajectory::hover(1, kStart, {20, 0, 1}), {}});
+  const auto keep = [](const announcement_t&) { return true; };
+  Peer first{0, Trajectory::hover(1, kStart, {0, 0, 1})}, second{1, Trajectory::hover(1, kStart, {10, 0, 1})};
+  protocol.receive(kStart, second.message(kStart, 2), keep);
+  const auto is_answered_at_once = [&](std::int32_t seq, const ack_t& about_second) {
+    (void)protocol.take_news();
+    first.pends(quintic_to(first.committed.at(kStart), kStart + 500ms, {0, 3, 1}, 5, 5, seq), kStart);
+    announcement_t message = first.message(kStart, 2);
+    message.acks[1] = about_second;
+    protocol.receive(kStart, message, keep);
+    return protocol.take_news() == CommitProtocol::News::kAnswers;
+  };
+  protocol.receive(kStart, first.message(kStart, 2), keep);
+  EXPECT_FALSE(is_answered_at_once(1, {9, 0, ack_t::kNone})) << "robots 0 and 1 are a majority";
+  ASSERT_TRUE(protocol.give_up(1, keep));
+  (void)is_answered_at_once(2, {9, 0, ack_t::kGivenUp});
+  ASSERT_TRUE(protocol.peers().at(1).given_up);
+  EXPECT_TRUE(is_answered_at_once(3, {9, 0, ack_t::kGivenUp}));
+}
+
 TEST(BroadcastGiveUp, AVoteOutlivesACrash) {
   Survivor before;
   before.hear(1), before.hear(2);

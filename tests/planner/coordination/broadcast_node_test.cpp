@@ -148,8 +148,8 @@ TEST(BroadcastNode, NewsAreRepeatedSoonAndNeverFasterThanTheSwarmMay) {
   robot.run_for(0.5);
   robot.out.letters.clear();
   robot.propose(robot.plan({1, 0, 1}, 0.5));
-  robot.run_for(0.21);
-  EXPECT_EQ(robot.out.count(channel::kAnnouncement, BusId::kSwarm), 11);  // every 20 ms
+  robot.run_for(0.0801);
+  EXPECT_EQ(robot.out.count(channel::kAnnouncement, BusId::kSwarm), 11);  // every 8 ms
 
   BroadcastConfig config = Robot::make_config(1);
   config.swarm_rate_hz = 100;  // three robots: 30 ms
@@ -166,6 +166,26 @@ TEST(BroadcastNode, NewsAreRepeatedSoonAndNeverFasterThanTheSwarmMay) {
   EXPECT_GE(slow.out.count(channel::kAnnouncement, BusId::kSwarm), 7);
   EXPECT_LE(slow.out.count(channel::kAnnouncement, BusId::kSwarm), 12);
   EXPECT_GT(slow.out.newest<announcement_t>(channel::kAnnouncement, BusId::kSwarm).acks[2].judged_seq, 350);
+}
+
+// A robot that need not answer for a peer to go on says what it judged by and by.
+TEST(BroadcastNode, AnswersAtOnceWhereItIsWaitedFor) {
+  const auto answers_at_once = [](int id, int asker) {
+    Robot robot(id);
+    robot.run_for(0.001);
+    robot.out.letters.clear();
+    auto& peer = robot.peers.at(asker);
+    peer.pends(quintic_to(peer.committed.at(kStart), robot.now + 500ms, {10, 3, 1}, 5), robot.now);
+    robot.hear(asker);
+    robot.run_for(0.001);
+    return robot.out.count(channel::kAnnouncement, BusId::kSwarm) == 1;
+  };
+  EXPECT_TRUE(answers_at_once(0, 1));
+  EXPECT_TRUE(answers_at_once(0, 2));
+  EXPECT_TRUE(answers_at_once(1, 2));
+  EXPECT_TRUE(answers_at_once(1, 0)) << "the two are a majority";
+  EXPECT_FALSE(answers_at_once(2, 0)) << "without it";
+  EXPECT_FALSE(answers_at_once(2, 1));
 }
 
 TEST(BroadcastNode, RelaysPeersAndNotItself) {
