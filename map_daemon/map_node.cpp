@@ -171,7 +171,8 @@ MapNode::MapNode(const MapConfig& config, std::int32_t boot, Stopwatch stopwatch
 }
 
 std::vector<Subscription> MapNode::subscriptions() const {
-  return {{BusId::kOnboard, channel::kRobotState},
+  // Where the robot is matters once a map is made.
+  return {{BusId::kOnboard, channel::kRobotState, Wakes::kNobody},
           {BusId::kOnboard, channel::kObstacles},
           {BusId::kOnboard, channel::kObstacleVoxels},
           {BusId::kOnboard, channel::kSeenSpace}};

@@ -15,9 +15,14 @@
 
 namespace swarm {
 
+// kNobody: messages are there before the node's next step, whatever that is for. For what comes often and changes
+// nothing by itself.
+enum class Wakes { kNode, kNobody };
+
 struct Subscription {
   BusId bus;
   std::string channel;  // exact name
+  Wakes wakes = Wakes::kNode;
 };
 
 // Where a node puts its messages. Implemented by the hosts.

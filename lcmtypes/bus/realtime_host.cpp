@@ -94,8 +94,15 @@ class RealtimeHost::Seat : public Outbox {
     std::array<std::string, 2> channels;
     for (const Subscription& subscription : node_.subscriptions()) {
       const BusId id = subscription.bus;
-      const auto& bus = port(id).bus;
-      if (!bus) throw std::invalid_argument(name_ + " listens to " + subscription.channel + " on a bus without URL");
+      if (!port(id).bus)
+        throw std::invalid_argument(name_ + " listens to " + subscription.channel + " on a bus without URL");
+      auto& patient = port(id).patient;
+      // Replayed messages tell what time it is when they come.
+      const bool can_wait = subscription.wakes == Wakes::kNobody && config_.source == TimeSource::kClock;
+      if (can_wait && !patient)
+        patient =
+            id == BusId::kOnboard ? std::make_unique<LcmBus>(onboard_url) : std::make_unique<LcmBus>(swarm_url, keys);
+      const auto& bus = can_wait ? patient : port(id).bus;
       bus->subscribe(subscription.channel, [this, id](std::string_view channel, std::span<const std::uint8_t> bytes) {
         if (config_.source == TimeSource::kMessages) follow(bytes);
         node_.on_message(watch_clock(), id, channel, bytes, *this);
@@ -135,6 +142,7 @@ class RealtimeHost::Seat : public Outbox {
  private:
   struct Port {
     std::unique_ptr<LcmBus> bus;
+    std::unique_ptr<LcmBus> patient;  // where pending messages wake nobody; none: no channel is so
     std::optional<boost::asio::posix::stream_descriptor> descriptor;
     std::int64_t forged_told = 0;
   };
@@ -167,6 +175,9 @@ class RealtimeHost::Seat : public Outbox {
   }
 
   void step() {
+    for (Port& port : ports_) {
+      if (port.patient) port.patient->drain();
+    }
     const Utime time = watch_clock();
     const auto begun = steady_clock::now();
     const Utime next = node_.step(time, *this);

@@ -152,6 +152,42 @@ TEST_F(LcmBusTest, HostDeliversToItsNodes) {
   EXPECT_LE(std::chrono::abs(wall_utime() - delivered), 10s);
 }
 
+// Steps every 50 ms, ten times, and says five words each time, which it hears itself.
+class PatientNode : public Node {
+ public:
+  explicit PatientNode(RealtimeHost& host) : host_(host) {}
+  std::vector<Subscription> subscriptions() const override { return {{BusId::kOnboard, "WORD", Wakes::kNobody}}; }
+  void on_message(Utime, BusId, std::string_view, std::span<const std::uint8_t> bytes, Outbox&) override {
+    heard.push_back(bytes.front());
+  }
+  Utime step(Utime now, Outbox& outbox) override {
+    heard_until.push_back(heard.size());
+    for (int i = 0; i < 5; ++i) outbox.publish_bytes(BusId::kOnboard, "WORD", Bytes{++said_});
+    if (heard_until.size() == 10) host_.stop();
+    return now + 50ms;
+  }
+
+  std::vector<std::uint8_t> heard;
+  std::vector<std::size_t> heard_until;  // each step
+
+ private:
+  RealtimeHost& host_;
+  std::uint8_t said_ = 0;
+};
+
+// They wake nobody, but are there before the next step, in order.
+TEST_F(LcmBusTest, HostHandsOverWhatCanWaitBeforeTheNextStep) {
+  RealtimeHost host;
+  PatientNode node(host);
+  host.add("patient", node, test_url(4), test_url(5), {}, SwarmKeys(SwarmKeys::fresh()));  // which are not of this bus
+  const auto began = Clock::now();
+  host.run();
+  EXPECT_GE(Clock::now() - began, 9 * 50ms - 10ms);
+  ASSERT_EQ(node.heard_until.size(), 10u);
+  for (std::size_t i = 0; i < 10; ++i) EXPECT_EQ(node.heard_until[i], 5 * i);
+  for (std::size_t i = 0; i < node.heard.size(); ++i) EXPECT_EQ(node.heard[i], i + 1);
+}
+
 TEST_F(LcmBusTest, HostRefusesANodeWithoutItsBus) {
   ToyNode node;
   RealtimeHost host;
