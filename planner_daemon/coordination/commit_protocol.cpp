@@ -48,16 +48,28 @@ bool CommitProtocol::Peer::acknowledged() const {
 
 CommitProtocol::CommitProtocol(const Rules& rules) : rules_(rules) {
   for (const int id : rules.roster) peers_[id];
-  peers_[rules.robot_id];
+  number_places();
+}
+
+void CommitProtocol::number_places() {
+  peers_[rules_.robot_id];
   std::vector<std::uint8_t> ids;
   for (const auto& [id, peer] : peers_) {
-    if (id == rules.robot_id) place_ = ids.size() / 2;
+    if (id == rules_.robot_id) place_ = ids.size() / 2;
     ids.push_back(static_cast<std::uint8_t>(id >> 8));
     ids.push_back(static_cast<std::uint8_t>(id));
   }
   roster_crc_ = static_cast<std::int32_t>(crc32(ids));
   for (std::size_t place = 0; auto& [id, peer] : peers_) peer.place = place++;
-  peers_.erase(rules.robot_id);
+  peers_.erase(rules_.robot_id);
+}
+
+void CommitProtocol::set_peers(const std::set<int>& ids) {
+  std::erase_if(peers_, [&ids](const auto& entry) { return !ids.contains(entry.first); });
+  for (const int id : ids) peers_[id];
+  number_places();
+  for (auto& [id, peer] : peers_) peer.acks.assign(num_robots(), {-1, 0, ack_t::kNone});  // they were of other places
+  news_ = true;
 }
 
 void CommitProtocol::remember(std::int32_t roster_crc, const std::vector<ack_t>& acks) {
@@ -131,11 +143,18 @@ bool CommitProtocol::keeps_off_tombstone(const Trajectory& trajectory, const Pee
   return peer.pending.empty() || keeps_off(trajectory, {peer.motion.committed, peer.pending}, peer);
 }
 
+bool CommitProtocol::keeps_off_tombstones(const Trajectory& trajectory) const {
+  return std::all_of(tombstones_.begin(), tombstones_.end(), [&](const Peer& tombstone) {
+    return keeps_off(trajectory, tombstone.motion, tombstone) && keeps_off_tombstone(trajectory, tombstone);
+  });
+}
+
 Rejection CommitProtocol::propose(Utime now, const Trajectory& candidate, bool urgent) {
   if (!motion_) return Rejection::kNoCommitted;
   if (!urgent && !all_hear()) return Rejection::kWaiting;
   if (!urgent && doubts_clocks_) return Rejection::kClock;
   if (!motion_->next.empty()) return Rejection::kBusy;
+  if (!keeps_off_tombstones(candidate)) return Rejection::kConflict;
   for (const auto& [id, peer] : peers_) {
     if (!peer.heard) continue;
     if (!keeps_off(candidate, peer.motion, peer)) return Rejection::kConflict;
@@ -313,7 +332,7 @@ void CommitProtocol::advance(Utime now) {
 }
 
 bool CommitProtocol::is_agreed() const {
-  if (doubts_clocks_ || !all_hear()) return false;
+  if (doubts_clocks_ || withholds_ || !all_hear()) return false;
   std::size_t judges = votes_of(place_);
   for (const auto& [id, peer] : peers_) {
     if (peer.given_up) continue;
@@ -328,6 +347,7 @@ bool CommitProtocol::may_commit(Utime now) const {
   if (pending_.empty() || now >= pending_.start_utime()) return false;
   const bool agreed = is_agreed();
   if (!agreed && !(urgent_ && now >= pending_.start_utime() - kLastMoment)) return false;
+  if (!keeps_off_tombstones(pending_)) return false;
   return std::all_of(peers_.begin(), peers_.end(), [this, agreed](const auto& entry) {
     const auto& [id, peer] = entry;
     const bool judged_there = agreed && id < rules_.robot_id && !peer.given_up;  // our P against its C

@@ -61,6 +61,7 @@
 #include <functional>
 #include <map>
 #include <optional>
+#include <set>
 #include <vector>
 
 #include "planner_daemon/trajectory/motion.h"
@@ -146,6 +147,16 @@ class CommitProtocol {
   const Trajectory& pending() const { return pending_; }  // waits for acknowledgements; may be empty
   const std::map<int, Peer>& peers() const { return peers_; }
   bool all_hear() const;  // and were heard, but for those that were given up
+  double radius_m() const { return rules_.radius_m + error_bound_m_; }  // as announced
+
+  // For who flies in cells (cell_protocol.h). From now on these are the peers; who stays among them stays known.
+  void set_peers(const std::set<int>& ids);
+  std::int32_t roster_crc() const { return roster_crc_; }
+  // What robots may fly whom nobody asks: committed motion and pending trajectory of each are kept off as if flown.
+  void set_tombstones(const std::vector<Peer>& tombstones) { tombstones_ = tombstones; }
+  // Nothing is committed but what is urgent, whoever agrees.
+  void withhold(bool withholds) { withholds_ = withholds; }
+
   // The own clock is set, by `step` to `now`, while the robot rests: what is pending is withdrawn, and where what
   // it has flown ends in the future now, it is bound to hover there. That asks nobody, but it is what it does. Peers
   // move when they did, by the new clock; nothing is committed before each was heard again, as after a restart (rule
@@ -201,6 +212,7 @@ class CommitProtocol {
   Utime due_utime(Utime now) const;
 
  private:
+  void number_places();
   // The peer, where the announcement is its newest.
   Peer* take(const sogm_swarm::announcement_t& message, const Keep& keep);
   void judge(Utime now, int peer_id, Peer* peer);
@@ -212,7 +224,6 @@ class CommitProtocol {
   bool are_enough_against(const Peer& peer) const;
   std::size_t num_robots() const { return peers_.size() + 1; }
   bool is_agreed() const;
-  double radius_m() const { return rules_.radius_m + error_bound_m_; }
   double apart_m(double radius_m, double other_radius_m) const {
     return radius_m + other_radius_m + rules_.separation_m;
   }
@@ -222,6 +233,7 @@ class CommitProtocol {
   bool keeps_off(const Trajectory& trajectory, const Motion& bound, const Peer& peer) const;
   // The trajectory of all that a peer that was given up may fly, whatever was said to it.
   bool keeps_off_tombstone(const Trajectory& trajectory, const Peer& peer) const;
+  bool keeps_off_tombstones(const Trajectory& trajectory) const;
 
   Rules rules_;
   std::int32_t roster_crc_ = 0;
@@ -235,6 +247,8 @@ class CommitProtocol {
   double error_bound_m_ = 0.0;
   std::int32_t next_seq_ = 1;
   std::map<int, Peer> peers_;  // all of the roster but this one
+  std::vector<Peer> tombstones_;
+  bool withholds_ = false;
   bool news_ = false, answers_ = false, is_asked_again_ = false;
   int commits_ = 0, forced_ = 0, withdrawn_ = 0;
 };
