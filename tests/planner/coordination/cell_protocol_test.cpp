@@ -633,6 +633,17 @@ TEST(CellProtocol, DISABLED_TwoRobotsAndACrashWithStaleCopies) {
 TEST(CellProtocol, DISABLED_TwoRobotsAndACrashAndAnExpulsion) {
   expect_safe(inside([](Scope& s) { s.crashes = 1, s.expulsions = 1; }), 500'000);
 }
+TEST(CellProtocol, DISABLED_TwoRobotsOfWhichOneIsExpelledWithStaleCopies) {
+  expect_safe(inside([](Scope& s) { s.expulsions = 1, s.copies = 2; }), 500'000);
+}
+TEST(CellProtocol, DISABLED_ThreeRobotsInOneCell) {
+  const Places parking = {kParking[0], kParking[1], {5, 6, 1}};
+  expect_safe(with([&](Scope& s) {
+                s.sites = {parking[0], parking[1], parking[2], kWanted}, s.goals = {{3}, {3}, {3}}, s.ticks = 2;
+                s.parking = parking, s.homes.push_back({-2, 6, 1});
+              }),
+              500'000, 3'000'000);
+}
 TEST(CellProtocol, DISABLED_TwoRobotsThatMeetOnTheBorder) {
   expect_safe(kBorder, 500'000, 3'000'000);
 }
@@ -652,6 +663,22 @@ TEST(CellProtocol, FaultsAreFound) {
   faulty(&Scope::commits_unrecorded, inside([](Scope& s) { s.expulsions = 1; }));
   faulty(&Scope::trusts_newcomers, with([](Scope& s) { s.crashes = 1, s.expulsions = 1; }));
   faulty(&Scope::forgets, inside([](Scope& s) { s.sites[1] = kHomes[1], s.restarts = 1; }));
+}
+
+// A robot that is about to be hit asks whom it can: with a keeper that is silent, nobody's word is enough.
+TEST(CellProtocol, UrgentFlightsDoWithoutTheKeeper) {
+  CellProtocol protocol({{0, 1, {}, kRadius, kSeparation}, [](const Motion&, Utime, double) {
+                           return std::set<Cell>{{0, 0}};
+                         }});
+  const auto keeps = [](const CellAnnouncement&) { return true; };
+  protocol.start({Trajectory::hover(1, kStart, {2, 2, 1}), {}});
+  const Trajectory flight = quintic_to(protocol.robot().motion()->at(kStart + 1s), kStart + 1s, {2, 4, 1}, 1.0);
+  EXPECT_EQ(protocol.propose(kStart, flight, keeps), Rejection::kWaiting);
+  EXPECT_EQ(protocol.propose(kStart, flight, keeps, true), Rejection::kNone);
+  EXPECT_FALSE(protocol.may_commit(kStart + 900ms));
+  ASSERT_TRUE(protocol.may_commit(kStart + 1s - 1us));
+  EXPECT_TRUE(protocol.commit(keeps));
+  EXPECT_EQ(protocol.robot().forced(), 1);
 }
 
 // What takes so many turns that a search would last is told. With the fault two robots meet.
