@@ -20,10 +20,15 @@ CommitProtocol::Peer tombstone_of(const announcement_t& message) {
   tombstone.radius_m = tombstone.least_radius_m = message.radius;
   return tombstone;
 }
+CommitProtocol::Rules in_cells(CommitProtocol::Rules rules) {
+  rules.roster.clear();
+  rules.all_judge = true;
+  return rules;
+}
 
 }  // namespace
 
-CellProtocol::CellProtocol(const Rules& rules) : rules_(rules), protocol_((rules_.robot.roster.clear(), rules_.robot)) {
+CellProtocol::CellProtocol(const Rules& rules) : rules_(rules), protocol_(in_cells(rules.robot)) {
   next_wish_ = (static_cast<std::int64_t>(rules.robot.boot) << 32) + 1;  // no earlier start came so far
 }
 

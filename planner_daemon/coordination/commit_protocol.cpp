@@ -249,7 +249,7 @@ void CommitProtocol::judge(Utime now, int peer_id, Peer* peer) {
 
 // As it holds the pair, or is one of the majority of the lowest ids that live.
 bool CommitProtocol::waits_for_us(const Peer& peer) const {
-  if (place_ < peer.place) return true;
+  if (place_ < peer.place || rules_.all_judge) return true;
   std::size_t judges = votes_of(peer.place);
   for (const auto& [id, other] : peers_)
     if (other.place < place_ && other.place != peer.place && !other.given_up) judges += votes_of(other.place);
@@ -337,6 +337,7 @@ bool CommitProtocol::is_agreed() const {
   for (const auto& [id, peer] : peers_) {
     if (peer.given_up) continue;
     const bool has_judged = peer.our_seq == pending_.seq();
+    if (rules_.all_judge && !has_judged) return false;
     if (id < rules_.robot_id && !(has_judged && peer.our_verdict == ack_t::kAck)) return false;
     if (has_judged) judges += votes_of(peer.place);
   }

@@ -94,6 +94,7 @@ class CommitProtocol {
     double radius_m = 0.2;
     double separation_m = 0.02;  // kept between surfaces of committed motions
     double clock_error_s = 0.0;  // and kept as well when a peer's clock is wrong by this
+    bool all_judge = false;      // what is committed: not only a majority
   };
   // Whether it is kept and will survive a crash.
   using Keep = std::function<bool(const sogm_swarm::announcement_t& promise)>;
