@@ -34,7 +34,7 @@ struct BroadcastConfig {
   double rest_s = 0.1;          // the same while the robot hovers
   double lively_s = 0.008;      // the same right after news, while somebody waits for them
   double swarm_rate_hz = 2000;  // announcements of all robots together, at most
-  double give_up_after_s = 2;   // a peer that was not heard for so long; 0: never
+  double give_up_after_s = 5;   // a peer that was not heard for so long; 0: never
   double setpoint_rate_hz = 100;
   double yaw_rate_max_radps = 1.5;
   double error_bound_m = 0.3;  // at most: so far from its motion the robot is expected to be
