@@ -121,7 +121,7 @@ TEST_F(Day, FourRobotsTakeOffFlyAMissionHoldComeHomeAndLand) {
 // tells it where it is: each does what is documented, and all come home.
 TEST_F(Day, EachLostLinkIsOutlived) {
   const auto at = [](double t_s) { return std::to_string(kPatience * t_s); };
-  begin(4, {"--link-outage", "0:" + at(22) + ":" + at(30), "--kill", "broadcast:2@" + at(25) + "-" + at(25.3),
+  begin(4, {"--link-outage", "0:" + at(22) + ":" + at(34), "--kill", "broadcast:2@" + at(29) + "-" + at(29.3),
             "--state-outage", "3:" + at(22) + ":" + at(27)});
   ASSERT_EQ(tell({"--height", "0.9", "0,1,2,3", "take-off"}).exit_code, 0);
   for (int id = 0; id < 4; ++id) {
