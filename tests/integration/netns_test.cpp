@@ -115,8 +115,7 @@ TEST(Netns, RobotsOnComputersOfTheirOwnFlyOverLossyInterfaces) {
   const Finished finished = run_program(words, 120.0);
   outage.join();
   ASSERT_NE(finished.exit_code, 2) << finished.err;
-  // After 2 s it gives the others up, and tells its planner again where they were last.
-  EXPECT_GT(longest_silence_s(directory / "run/robot2.lcm"), 1.8);
+  EXPECT_GT(longest_silence_s(directory / "run/robot2.lcm"), 2.8);
   for (int robot = 0; robot < kRobots; ++robot) EXPECT_GT(network.dropped(robot), 20);
   const auto report = nlohmann::json::parse(read_text(directory / "run/report.json"));
   EXPECT_TRUE(report["touches"].empty()) << finished.out;
