@@ -201,7 +201,7 @@ Refusal PlannerNode::on_peer(Utime now, std::span<const std::uint8_t> bytes) {
   announcement_t message;
   const auto from_peer = [this](const announcement_t& m) {
     const int id = m.header.robot_id;
-    const bool is_one_more = !peers_.contains(id) && std::ssize(peers_) == kMaxRosterRobots;
+    const bool is_one_more = !peers_.contains(id) && std::ssize(peers_) == kMaxRosterRobots + kMaxStrangers;
     return id == config_.robot_id || is_one_more ? Refusal::kRobot : Refusal::kNone;
   };
   const auto in_order = [this](const announcement_t& m) {
@@ -310,10 +310,11 @@ Duration PlannerNode::calm_period(Utime now) const {
   return to_duration(std::min(config_.calm_period_s, kCalmWay_m / std::max(speed_mps, 1e-3)));
 }
 
-// The newest plan leads to where the robot is to go and is flown, and that keeps clear of all that is known.
+// The newest plan leads to where the robot is to go and is flown, and that keeps clear of all that is known; but who
+// sees by itself knows less, and each scan says more.
 bool PlannerNode::is_calm(Utime now) const {
-  return newest_ != nullptr && newest_->fly && planned_to_ == destination() && flies_newest() &&
-         keeps_clear(*own_, map_, peer_list_, config_.planner.space.blocked_m(), now);
+  return seen_.num_frames == 0 && newest_ != nullptr && newest_->fly && planned_to_ == destination() &&
+         flies_newest() && keeps_clear(*own_, map_, peer_list_, config_.planner.space.blocked_m(), now);
 }
 
 bool PlannerNode::flies_newest() const {

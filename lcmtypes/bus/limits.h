@@ -19,6 +19,7 @@
 namespace swarm {
 
 inline constexpr int kMaxRosterRobots = sogm_swarm::announcement_t::kMaxAcks;  // that fly together
+inline constexpr int kMaxStrangers = 16;                                       // that a robot hears besides
 inline constexpr int kMaxPackedBytes = sogm_swarm::packed_announcement_t::kMaxBytes;
 inline constexpr int kMaxTrajectoryPieces = sogm_swarm::trajectory_t::kMaxPieces;
 inline constexpr int kMaxFaces = sogm_swarm::corridors_t::kMaxFaces;  // of all corridors of a plan

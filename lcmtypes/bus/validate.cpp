@@ -144,8 +144,11 @@ Refusal validate(const goal_t& m) {
 
 Refusal validate(const order_t& m) {
   const bool climbs = m.order == order_t::kTakeOff;
-  return verdict(within(m.order, order_t::kFly, order_t::kEmergency) && within(m.height, 0.0, kMaxClimb_m),
-                 climbs ? m.height >= kLeastClimb_m : m.height == 0.0);
+  const bool names_other = m.order == order_t::kWithout;
+  return verdict(
+      within(m.order, order_t::kFly, order_t::kWithout) && within(m.height, 0.0, kMaxClimb_m) && m.other_id >= 0,
+      (climbs ? m.height >= kLeastClimb_m : m.height == 0.0) &&
+          (names_other ? m.other_id != m.header.robot_id : m.other_id == 0));
 }
 
 Refusal validate(const vehicle_status_t& m) {

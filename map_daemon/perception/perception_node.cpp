@@ -167,7 +167,7 @@ Refusal PerceptionNode::on_announcement(Utime now, bool own, std::span<const std
   const auto from = [&](const sogm_swarm::announcement_t& m) {
     const bool good = (m.header.robot_id == config_.robot_id) == own &&
                       (announcement_gates_.contains(m.header.robot_id) ||
-                       announcement_gates_.size() < static_cast<std::size_t>(kMaxRosterRobots));
+                       announcement_gates_.size() < static_cast<std::size_t>(kMaxRosterRobots + kMaxStrangers));
     return good ? Refusal::kNone : Refusal::kRobot;
   };
   const auto in_order = [this](const sogm_swarm::announcement_t& m) {

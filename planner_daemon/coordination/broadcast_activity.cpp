@@ -37,7 +37,8 @@ Activity BroadcastNode::activity(Utime now) const {
       std::string peers;
       for (const auto& [id, peer] : protocol_.peers()) {
         if (peer.given_up) continue;
-        if (!peer.heard) add(", ", std::to_string(id) + " (never heard)", &peers);
+        const char* const what = strangers_.contains(id) ? " (is given another roster)" : " (never heard)";
+        if (!peer.heard) add(", ", std::to_string(id) + what, &peers);
         if (peer.heard && !peer.hears_us) add(", ", std::to_string(id) + " (has not heard this start)", &peers);
       }
       return waits_for("robots " + peers);
@@ -59,6 +60,9 @@ Activity BroadcastNode::flight_activity(Utime now) const {
     for (const auto& [id, peer] : protocol_.peers())
       if (peer.given_up) add(", ", std::to_string(id), &given_up);
     if (!given_up.empty()) text += "; goes on without robots " + given_up;
+    std::string strangers;
+    for (const int id : strangers_.ids()) add(", ", std::to_string(id), &strangers);
+    if (!strangers.empty()) text += "; keeps off strangers " + strangers + ", who are given another roster";
     return {.text = text};
   }
   std::string why = std::to_string(in_vain_.count) + " candidates";

@@ -20,6 +20,7 @@ namespace {
 
 using sogm_swarm::announcement_t;
 using sogm_swarm::broadcast_status_t;
+using sogm_swarm::flight_status_t;
 
 constexpr Duration kMaxAge = 1s;  // of messages from peers and planner
 constexpr Duration kStatusPeriod = 1s;
@@ -30,10 +31,11 @@ constexpr std::int64_t kMostLost = 1'000'000;  // that are counted, of a peer: t
 constexpr Duration kNeverHeard = 10s;          // after its start a robot has heard all that are there
 constexpr Duration kSlept = 500ms;             // between two steps: far more than between two setpoints
 constexpr Duration kVotePeriod = 100ms;
-constexpr Duration kWordsPeriod = 500ms;  // and fifty times as seldom as announcements may come
-constexpr int kMostJudged = 4;            // peers at once: far less time than between two setpoints
-constexpr double kHere_m = 0.02;          // a robot that stands is where it is bound to be
-constexpr double kResume_m = 0.5;         // a kept motion is gone on with where the robot is so close to it
+constexpr Duration kWordsPeriod = 500ms;    // and fifty times as seldom as announcements may come
+constexpr Duration kStrangerPeriod = 20ms;  // at most so often the planner is told of one
+constexpr int kMostJudged = 4;              // peers at once: far less time than between two setpoints
+constexpr double kHere_m = 0.02;            // a robot that stands is where it is bound to be
+constexpr double kResume_m = 0.5;           // a kept motion is gone on with where the robot is so close to it
 
 double wrap_angle(double angle) {
   return std::remainder(angle, 2 * std::numbers::pi);
@@ -49,6 +51,11 @@ void shift(Duration ahead, announcement_t* message) {
   if (message->pending_state == announcement_t::kNone) return;
   later(&message->pending.start_utime);
   later(&message->pending_stamp);
+}
+
+bool ends_in_time(const announcement_t& message) {
+  const Utime end = std::max(motion_of(message).end_utime(), pending_of(message).end_utime());
+  return end <= to_utime(message.header.utime) + kMaxMotion;
 }
 
 // Somewhere in [1/2, 3/2) of the gap, elsewhere after each announcement: robots that hear one at the same time would
@@ -211,11 +218,22 @@ Refusal BroadcastNode::on_order(Utime now, std::span<const std::uint8_t> bytes) 
   const Refusal refusal = receive_onboard(now, bytes, order_gate_, &order, &ahead);
   if (refusal != Refusal::kNone || !motion()) return refusal;  // the operator asks again
   advance(now);
+  if (order.order == sogm_swarm::order_t::kWithout) {
+    flight_.answer(order, go_on_without(now, order.other_id) ? flight_status_t::kAccepted : flight_status_t::kNotNow);
+    return Refusal::kNone;
+  }
   const std::int16_t before = flight_.state();
   flight_.advance(now, robot(now));
   flight_.on_order(now, order, robot(now));
   if (flight_.state() != before) spdlog::info("ordered: {}", name_of_flight_state(flight_.state()));
   return Refusal::kNone;
+}
+
+bool BroadcastNode::go_on_without(Utime now, int id) {
+  if (!links_.contains(id)) return false;
+  if (protocol_.give_up(id, keeper(now)))
+    spdlog::warn("robot {} gives robot {} up: by the operator's word", config_.robot_id, id);
+  return protocol_.peers().at(id).is_voted_out();
 }
 
 Refusal BroadcastNode::on_vehicle(Utime now, std::span<const std::uint8_t> bytes) {
@@ -324,8 +342,7 @@ Refusal BroadcastNode::on_peer(Utime now, std::span<const std::uint8_t> bytes) {
   const auto from_peer = [this](const announcement_t& m) {
     if (!protocol_.is_of_roster(m)) return Refusal::kRobot;
     if (!links_.at(m.header.robot_id).gate.is_newer(m.header)) return Refusal::kSequence;
-    const Utime end = std::max(motion_of(m).end_utime(), pending_of(m).end_utime());
-    return end <= to_utime(m.header.utime) + kMaxMotion ? Refusal::kNone : Refusal::kInconsistent;
+    return ends_in_time(m) ? Refusal::kNone : Refusal::kInconsistent;
   };
   const auto in_order = [this](const announcement_t& m) { return links_.at(m.header.robot_id).gate.pass(m.header); };
   const TimeWindow lately{now, kMaxAge, to_duration(config_.clock_error_s)};
@@ -334,9 +351,11 @@ Refusal BroadcastNode::on_peer(Utime now, std::span<const std::uint8_t> bytes) {
   refusal = admit(message, from_peer, lately, in_order);
   if (refusal == Refusal::kRobot && message.header.robot_id == config_.robot_id)  // multicast returns our own
     return identity_.is_of_twin(now, BusId::kSwarm, message.header) ? Refusal::kRobot : Refusal::kNone;
+  if (refusal == Refusal::kRobot) return on_stranger(now, &message);
   if (refusal == Refusal::kTime) on_other_time(now, &message);
   if (refusal != Refusal::kNone) return refusal;
   const int id = message.header.robot_id;
+  if (strangers_.forget(id)) protocol_.set_tombstones(strangers_.tombstones());
   Link& link = links_.at(id);
   if (link.boot == message.header.boot) {
     const std::int64_t missing = std::min(message.header.seq - link.seq - 1, kMostLost);  // any number may come
@@ -353,6 +372,29 @@ Refusal BroadcastNode::on_peer(Utime now, std::span<const std::uint8_t> bytes) {
   link.waits = true;
   link.is_of_other_time = false;
   return Refusal::kNone;
+}
+
+Refusal BroadcastNode::on_stranger(Utime now, announcement_t* message) {
+  const auto from_stranger = [this](const announcement_t& m) {
+    const auto link = links_.find(m.header.robot_id);
+    if (link != links_.end() && m.header.boot <= link->second.boot)
+      return Refusal::kRobot;  // but a later start of a peer
+    return ends_in_time(m) ? Refusal::kNone : Refusal::kInconsistent;
+  };
+  const auto in_order = [this](const announcement_t& m) { return strangers_.admit(m); };
+  const TimeWindow lately{now, kMaxAge, to_duration(config_.clock_error_s)};
+  const Refusal refusal = admit(*message, from_stranger, lately, in_order);
+  if (refusal != Refusal::kNone) return refusal;
+  strangers_.heard(std::move(*message));
+  protocol_.set_tombstones(strangers_.tombstones());
+  return Refusal::kNone;
+}
+
+void BroadcastNode::relay_strangers(Utime now, Outbox& outbox) {
+  while (auto message = strangers_.take_due(now, kStrangerPeriod)) {
+    shift(offered_step_, &*message);
+    outbox.publish(BusId::kOnboard, channel::kPeerTrajectory, *message);
+  }
 }
 
 void BroadcastNode::on_other_time(Utime now, announcement_t* message) {
@@ -400,6 +442,15 @@ bool BroadcastNode::is_silent(Utime now, const Link& link) const {
   return link.boot >= 0 ? now - link.heard >= after : now - *began_ >= std::max(after, kNeverHeard);
 }
 
+bool BroadcastNode::is_in_vain(const CommitProtocol::Peer& peer, Link* link) const {
+  if (std::exchange(link->answered_seq, peer.our_seq) != peer.our_seq || peer.is_never_answered()) link->in_vain = 0us;
+  const bool asks = !protocol_.pending().empty() && peer.our_seq != protocol_.pending().seq();
+  const bool errs = link->clock.beyond(to_duration(config_.clock_error_s));
+  if (peer.heard && (asks || !peer.hears_us || errs)) link->in_vain += kVotePeriod;
+  const Duration after = to_duration(config_.give_up_after_s);
+  return after > 0us && link->in_vain >= after;
+}
+
 void BroadcastNode::give_up(Utime now) {
   if (!motion()) return;
   if (!began_) began_ = stepped_ = now;
@@ -414,10 +465,13 @@ void BroadcastNode::give_up(Utime now) {
   }
   if (now < vote_.due(now, kVotePeriod)) return;
   vote_.done(now);
-  for (const auto& [id, link] : links_) {
-    if (!is_silent(now, link) || !protocol_.give_up(id, keeper(now))) continue;
+  for (auto& [id, link] : links_) {
+    const bool is_no_help = is_in_vain(protocol_.peers().at(id), &link);
+    if (!(is_no_help || is_silent(now, link)) || !protocol_.give_up(id, keeper(now))) continue;
     spdlog::warn("robot {} gives robot {} up: it {}", config_.robot_id, id,
-                 link.boot < 0 ? "was never heard" : "has fallen silent");
+                 link.boot < 0 ? "was never heard"
+                 : is_no_help  ? "does not answer, or its clock is wrong"
+                               : "has fallen silent");
   }
 }
 
@@ -488,10 +542,11 @@ int BroadcastNode::told_about(const sogm_swarm::header_t& header) const {
   return places_[static_cast<std::size_t>(header.seq) % places_.size()];
 }
 
-// For a while, and at least as long as the peer moves.
+// For a while, and at least as long as the peer moves; but not of one that was given up meanwhile.
 void BroadcastNode::doubt_clock_of(int id, Utime now, Duration ahead) {
-  doubt_ = {id, ahead};
   const CommitProtocol::Peer& peer = protocol_.peers().at(id);
+  if (peer.given_up) return;  // nobody waits for it
+  doubt_ = {id, ahead};
   const Utime rests = peer.heard ? std::min(peer.motion.end_utime(), now + kMaxMotion) : Utime();
   clock_doubt_until_ = std::max({clock_doubt_until_, now + kClockDoubt, rests});
 }
@@ -545,12 +600,13 @@ Utime BroadcastNode::step(Utime now, Outbox& outbox) {
   advance(now);
   commit(now);
   judge_peers(now, outbox);
+  relay_strangers(now, outbox);
   give_up(now);
   if (motion()) fly(now);
   advance(now);
   commit(now);
   const Duration setpoint_period = to_duration(1.0 / config_.setpoint_rate_hz);
-  Utime wake = now + kStatusPeriod;
+  Utime wake = std::min(now + kStatusPeriod, strangers_.due_utime(now));
   for (auto& [id, link] : links_) wake = std::min(wake, judge_due(now, link));
   if (motion()) {
     if (const CommitProtocol::News news = protocol_.take_news(); news != CommitProtocol::News::kNone) {
@@ -684,7 +740,7 @@ void BroadcastNode::publish_status(Utime now, Outbox& outbox) {
 }
 
 void BroadcastNode::publish_flight_status(Utime now, Outbox& outbox) {
-  sogm_swarm::flight_status_t status = flight_.status();
+  flight_status_t status = flight_.status();
   status.header = flight_headers_.next(now + offered_step_);
   outbox.publish(BusId::kOnboard, channel::kFlightStatus, status);
 }

@@ -19,6 +19,7 @@
 #include "planner_daemon/coordination/flight_state.h"
 #include "planner_daemon/coordination/identity.h"
 #include "planner_daemon/coordination/promise_store.h"
+#include "planner_daemon/coordination/strangers.h"
 #include "planner_daemon/coordination/tracking_monitor.h"
 #include "planner_daemon/trajectory/motion_limits.h"
 
@@ -74,7 +75,9 @@ class BroadcastNode : public Node {
   struct Link {  // from a peer
     SequenceGate gate;
     ClockOffset clock;
-    Utime heard{};  // of the newest announcement
+    Utime heard{};                  // of the newest announcement
+    std::int32_t answered_seq = 0;  // the newest of ours that it judged
+    Duration in_vain{};             // so long it was waited for since then, or its clock was wrong
     std::int32_t boot = -1, lost = 0;
     std::int64_t seq = 0;
 
@@ -97,12 +100,19 @@ class BroadcastNode : public Node {
   // What a peer says by a clock that is wrong, or was heard since ours was set: nothing that was promised is known by
   // it, but where the peer is.
   void on_other_time(Utime now, sogm_swarm::announcement_t* message);
+  // Of somebody who is not of the roster.
+  Refusal on_stranger(Utime now, sogm_swarm::announcement_t* message);
+  void relay_strangers(Utime now, Outbox& outbox);
   // Has what waits from peers judged and relayed: of each peer the newest, twice as often as it may speak at most, and
   // of few peers at once. The rest waits until after the setpoint.
   void judge_peers(Utime now, Outbox& outbox);
   // Those that were not heard for too long; and starts anew where that was this one.
   void give_up(Utime now);
+  // By the operator's word; whether it is given up by this robot now.
+  bool go_on_without(Utime now, int id);
   bool is_silent(Utime now, const Link& link) const;
+  // It speaks, but does not hear this robot, or by a clock by which nobody can commit. Called once each kVotePeriod.
+  bool is_in_vain(const CommitProtocol::Peer& peer, Link* link) const;
   bool is_known(const sogm_swarm::announcement_t& message) const;  // to the protocol, as a peer's newest
   // Of those that were given up: to peers that know less, and to a planner that started since.
   void repeat_last_words(Utime now, Outbox& outbox);
@@ -150,6 +160,7 @@ class BroadcastNode : public Node {
   std::array<std::int32_t, kNumRejections> rejected_{};
   std::vector<int> places_;    // ids of all robots that fly, ascending
   std::map<int, Link> links_;  // by roster peer
+  Strangers strangers_;
   SequenceGate state_gate_, candidate_gate_, order_gate_, vehicle_gate_;
   double yaw_rad_ = 0.0;
   bool store_fails_ = false;

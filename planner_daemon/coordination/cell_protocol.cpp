@@ -13,13 +13,6 @@ namespace {
 
 constexpr Duration kWanted = 2s;  // after a proposal, the cells that it touches: planners propose far more often
 
-CommitProtocol::Peer tombstone_of(const announcement_t& message) {
-  CommitProtocol::Peer tombstone;
-  tombstone.motion = motion_of(message);
-  tombstone.pending = pending_of(message);
-  tombstone.radius_m = tombstone.least_radius_m = message.radius;
-  return tombstone;
-}
 CommitProtocol::Rules in_cells(CommitProtocol::Rules rules) {
   rules.roster.clear();
   rules.all_judge = true;

@@ -316,7 +316,7 @@ bool CommitProtocol::must_repeat(int id) const {
 bool CommitProtocol::is_given_up() const {
   return std::any_of(peers_.begin(), peers_.end(), [this](const auto& entry) {
     const Peer& peer = entry.second;
-    return peer.heard && gives_up(peer.acks[place_]) && peer.our_boot == rules_.boot;
+    return peer.heard && !peer.given_up && gives_up(peer.acks[place_]) && peer.our_boot == rules_.boot;
   });
 }
 
@@ -440,6 +440,14 @@ Utime CommitProtocol::due_utime(Utime now) const {
   }
   if (motion_ && !motion_->next.empty()) due = std::min(due, motion_->next.start_utime());
   return due;
+}
+
+CommitProtocol::Peer tombstone_of(const announcement_t& message) {
+  CommitProtocol::Peer tombstone;
+  tombstone.motion = motion_of(message);
+  tombstone.pending = pending_of(message);
+  tombstone.radius_m = tombstone.least_radius_m = message.radius;
+  return tombstone;
 }
 
 }  // namespace swarm

@@ -26,7 +26,8 @@
 //  7. A robot that is off its motion by up to an error bound announces its radius with it; what is new keeps that off.
 //     Robots that are closer than that, but no closer than they may be without it, may likewise commit what does not
 //     bring them nearer. One that has lost its motion altogether is bound to how it comes to rest: that is forced.
-//  8. Give up: who does not hear a peer votes it out, for the boot of it that is known (-1: never heard), and says up
+//  8. Give up: who does not hear a peer, or gets no answers of it, votes it out, for the boot of it that is known (-1:
+//  never heard), and says up
 //     to which of its announcements it is known. Such a boot is never answered again: the vote is on disk before it is
 //     said, as is each new boot of a peer before it is echoed. Who has restarted since it answered that boot, and was
 //     not echoed by it, does not know what it answered, and has no vote on it.
@@ -153,7 +154,8 @@ class CommitProtocol {
   // For who flies in cells (cell_protocol.h). From now on these are the peers; who stays among them stays known.
   void set_peers(const std::set<int>& ids);
   std::int32_t roster_crc() const { return roster_crc_; }
-  // What robots may fly whom nobody asks: committed motion and pending trajectory of each are kept off as if flown.
+  // What robots may fly whom nobody asks (tombstone_of()): committed motion and pending trajectory of each are kept off
+  // as if flown.
   void set_tombstones(const std::vector<Peer>& tombstones) { tombstones_ = tombstones; }
   // Nothing is committed but what is urgent, whoever agrees.
   void withhold(bool withholds) { withholds_ = withholds; }
@@ -178,11 +180,12 @@ class CommitProtocol {
   void receive(Utime now, const sogm_swarm::announcement_t& message, const Keep& keep);
   // The same announcement as another one repeats it: what is known of the peer, not to be answered.
   void learn(const sogm_swarm::announcement_t& message, const Keep& keep);
-  // The peer has fallen silent: this start of it is given up, once that is kept. False: it cannot be, or was before.
+  // The peer is not to be waited for: this start of it is given up, once that is kept. False: it cannot be, or was
+  // before.
   bool give_up(int id, const Keep& keep);
   // Whether a peer may know less of this one, which was given up here, than is known here.
   bool must_repeat(int id) const;
-  // A peer has given this start of this robot up: it has to start anew (set_boot()).
+  // A peer that was not given up itself has given this start of this robot up: it has to start anew (set_boot()).
   bool is_given_up() const;
   // Switches to and withdraws what is due.
   void advance(Utime now);
@@ -253,5 +256,8 @@ class CommitProtocol {
   bool news_ = false, answers_ = false, is_asked_again_ = false;
   int commits_ = 0, forced_ = 0, withdrawn_ = 0;
 };
+
+// Of a robot that is not asked: what it may fly by its newest announcement.
+CommitProtocol::Peer tombstone_of(const sogm_swarm::announcement_t& message);
 
 }  // namespace swarm

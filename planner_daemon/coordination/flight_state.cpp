@@ -93,9 +93,13 @@ void FlightState::on_vehicle(Utime now, const vehicle_status_t& vehicle) {
 }
 
 void FlightState::on_order(Utime now, const order_t& order, const Robot& robot) {
+  answer(order, obey(now, order, robot));
+}
+
+void FlightState::answer(const order_t& order, std::int16_t verdict) {
   status_.order_boot = order.header.boot;
   status_.order_seq = order.header.seq;
-  status_.verdict = obey(now, order, robot);
+  status_.verdict = verdict;
   news_ = true;
 }
 

@@ -49,6 +49,8 @@ class FlightState {
 
   void on_vehicle(Utime now, const sogm_swarm::vehicle_status_t& vehicle);
   void on_order(Utime now, const sogm_swarm::order_t& order, const Robot& robot);
+  // Says of an order that it was heard, and what became of it.
+  void answer(const sogm_swarm::order_t& order, std::int16_t verdict);
   void advance(Utime now, const Robot& robot);
   // The clock is set, to so much later.
   void shift(Duration later);

@@ -41,6 +41,7 @@ template <class Arguments, class Visit>
 void for_each_text(Arguments& arguments, const Visit& visit) {
   visit("link-outage", arguments.outages, "ROBOT:FROM_S:TO_S,...: robots that neither send nor receive for a time");
   visit("state-outage", arguments.state_outages, "ROBOT:FROM_S:TO_S,...: robots that are not told where they are");
+  visit("strangers", arguments.strangers, "ROBOT,...: robots that are in nobody's roster, nor anybody in theirs");
   visit("kill", arguments.kills,
         "DAEMON:ROBOT@AT_S[-BACK_S],...: daemons (map, planner, broadcast, perception) that are killed, and started "
         "again 0.1 s "
@@ -94,6 +95,7 @@ void declare(OptionSet& options, FlightArguments& arguments) {
   for_each_text(arguments, [&](const char* name, std::string& value, const char* help) {
     options.add(name, &value, help, [&value, &arguments](const std::string& text) {
       if (&value == &arguments.outages || &value == &arguments.state_outages) (void)parse_outages(text);
+      if (&value == &arguments.strangers) (void)parse_robots(text);
       if (&value == &arguments.kills) (void)parse_kills(text);
       if (&value == &arguments.clock_steps) (void)parse_clock_steps(text);
     });
@@ -116,6 +118,7 @@ FlightOptions flight_options(const FlightArguments& arguments) {
   options.link.outages = parse_outages(arguments.outages);
   options.kills = parse_kills(arguments.kills);
   options.state_outages = parse_outages(arguments.state_outages);
+  options.strangers = parse_robots(arguments.strangers);
   options.clock_steps = parse_clock_steps(arguments.clock_steps);
   return options;
 }

@@ -18,6 +18,7 @@ struct FlightArguments {
   LinkOptions link;                                                             // without its outages
   double clock_offset_ms = 0.0;
   std::string outages, state_outages;  // as parse_outages() takes them
+  std::string strangers;               // as parse_robots() takes them
   std::string kills;                   // as parse_kills() takes them
   std::string clock_steps;             // as parse_clock_steps() takes them
 };

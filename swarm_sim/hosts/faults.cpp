@@ -34,6 +34,18 @@ std::vector<Kill> parse_kills(const std::string& text) {
   return kills;
 }
 
+std::vector<int> parse_robots(const std::string& text) {
+  std::vector<int> robots;
+  if (text.empty()) return robots;
+  for (const std::string& item : split(text, ',')) {
+    int id = 0;
+    if (!read_amount(item, &id)) throw OptionError("'" + item + "' must be a robot's id");
+    if (std::ranges::find(robots, id) != robots.end()) throw OptionError("robot " + item + " must be named once");
+    robots.push_back(id);
+  }
+  return robots;
+}
+
 std::vector<ClockStep> parse_clock_steps(const std::string& text) {
   constexpr double kLongest_s = 1e6;
   std::vector<ClockStep> steps;

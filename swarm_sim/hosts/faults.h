@@ -25,6 +25,9 @@ inline constexpr double kRestart_s = 0.1;  // the supervisor's delay
 // the part that is wrong.
 std::vector<Kill> parse_kills(const std::string& text);
 
+// "ROBOT,...", each once; empty: none. Throws OptionError with the part that is wrong.
+std::vector<int> parse_robots(const std::string& text);
+
 // "ROBOT:AT_S:BY_S,...", BY_S below 0 to set it back; empty: none. Throws OptionError with the part that is wrong.
 std::vector<ClockStep> parse_clock_steps(const std::string& text);
 

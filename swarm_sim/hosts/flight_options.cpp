@@ -67,7 +67,11 @@ BroadcastConfig broadcast_config(const World& world, const WorldRobot& robot, co
   config.radius_m = robot.radius_m;
   config.limits = limits_of(world, robot);
   config.roster.clear();
-  for (const WorldRobot& other : world.robots) config.roster.push_back(other.id);
+  const auto is_stranger = [&options](int id) {
+    return std::ranges::find(options.strangers, id) != options.strangers.end();
+  };
+  for (const WorldRobot& other : world.robots)
+    if (!is_stranger(other.id) && !is_stranger(robot.id)) config.roster.push_back(other.id);
   return config;
 }
 
@@ -93,6 +97,7 @@ void check_robots(const World& world, const FlightOptions& options) {
   for (const ClockStep& step : options.clock_steps) (void)index_of_robot(world, step.robot_id, "clock-step");
   for (const Outage& outage : options.link.outages) (void)index_of_robot(world, outage.robot_id, "link-outage");
   for (const Outage& outage : options.state_outages) (void)index_of_robot(world, outage.robot_id, "state-outage");
+  for (const int id : options.strangers) (void)index_of_robot(world, id, "strangers");
 }
 
 }  // namespace swarm

@@ -34,6 +34,7 @@ struct FlightOptions {
   std::vector<Kill> kills;
   std::vector<ClockStep> clock_steps;
   std::vector<Outage> state_outages;  // robots that are not told where they are
+  std::vector<int> strangers;         // each has a roster of itself alone, and is in nobody else's
 };
 
 // The daemons' configurations for one robot of a world.

@@ -108,7 +108,7 @@ TEST(Validate, Ranges) {
   EXPECT_RANGE(perception_status_t, state, 0, 2);
   EXPECT_RANGE(perception_status_t, map_state, 0, 3);
   EXPECT_RANGE(planner_status_t, state, 0, 6);
-  EXPECT_RANGE(order_t, order, 0, 5);
+  EXPECT_RANGE(order_t, order, 0, 6);
   EXPECT_RANGE(vehicle_status_t, armed, 0, 1);
   EXPECT_RANGE(vehicle_status_t, place, 0, 2);
   EXPECT_RANGE(flight_status_t, state, 0, 6);
@@ -136,6 +136,19 @@ TEST(Validate, OrdersAndVehiclesMakeSense) {
   EXPECT_EQ(climbs(100.1), kValue);
   EXPECT_EQ(climbs(std::numeric_limits<double>::quiet_NaN()), kValue);
   EXPECT_EQ(order([](auto& m) { m.order = order_t::kLand, m.height = 1.0; }), kInconsistent);
+  EXPECT_EQ(order([](auto& m) { m.order = order_t::kLand, m.other_id = 1; }), kInconsistent);
+  const auto without = [&](int robot, int other) {
+    return order([=](auto& m) {
+      m.order = order_t::kWithout;
+      m.height = 0.0;
+      m.header.robot_id = static_cast<std::int16_t>(robot);
+      m.other_id = static_cast<std::int16_t>(other);
+    });
+  };
+  EXPECT_EQ(without(1, 0), kGood);
+  EXPECT_EQ(without(0, 32767), kGood);
+  EXPECT_EQ(without(1, 1), kInconsistent);
+  EXPECT_EQ(without(1, -1), kValue);
   Judge<vehicle_status_t> vehicle;
   for (const float battery : {-1.0f, 0.0f, 1.0f})
     EXPECT_EQ(vehicle([=](auto& m) { m.battery = battery; }), kGood) << battery;

@@ -182,8 +182,9 @@ void send_candidate(FuzzInput& input, Bench* bench, std::int32_t seq) {
 void send_order(FuzzInput& input, Bench* bench) {
   sogm_swarm::order_t order{};
   order.header = bench->header(input, Bench::kRobot);
-  order.order = static_cast<std::int16_t>(input.byte() % 6);
+  order.order = static_cast<std::int16_t>(input.byte() % 7);
   order.height = order.order == sogm_swarm::order_t::kTakeOff ? input.real(0.1, 5) : 0.0;
+  if (order.order == sogm_swarm::order_t::kWithout) order.other_id = static_cast<std::int16_t>(input.byte() % 4);
   bench->send(BusId::kOnboard, channel::kFlightOrder, order);
 }
 

@@ -122,6 +122,9 @@ TEST(RunCommand, BadOptionsAreRefusedByNameValueAndRule) {
   expect({"--kill", "map:9@1"}, {"kill", "no robot 9"});
   expect({"--link-outage", "9:1:2"}, {"link-outage", "no robot 9"});
   expect({"--state-outage", "9:1:2"}, {"state-outage", "no robot 9"});
+  expect({"--strangers", "1,far"}, {"--strangers", "'far'", "robot's id"});
+  expect({"--strangers", "1,1"}, {"--strangers", "robot 1", "once"});
+  expect({"--strangers", "9"}, {"strangers", "no robot 9"});
   expect({"--kill", "map:9@1", "--mode", "processes"}, {"kill", "no robot 9"});
   expect({"--keep-maps", directory / "maps"}, {"keep-maps", "--sensor lidar or depth"});
   expect({"--base-port", "80"}, {"--base-port 80", "[1024, 60000]"});

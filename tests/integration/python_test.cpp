@@ -58,7 +58,7 @@ TEST_F(Python, FliesARobot) {
   EXPECT_EQ(flown.exit_code, 0) << flown.err << planner.err();
   EXPECT_EQ(flown.out,
             "there: True\nthere: True\nrobot 3: knows no way there\nrobot 3: has no use for that now\n"
-            "order 'loop': must be one of fly, hold, take-off, home, land, emergency\n");
+            "order 'loop': must be one of fly, hold, take-off, home, land, emergency, without\n");
 }
 
 // Some messages of two channels, with garbage between.

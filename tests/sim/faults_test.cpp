@@ -108,6 +108,19 @@ TEST(Faults, ARobotThatIsNotToldWhereItIsWaits) {
   EXPECT_THROW((void)fly_with("9:1:2"), OptionError);
 }
 
+// Who is in nobody's roster flies through the middle of the others: they keep off each other without a word.
+TEST(Faults, StrangersAreKeptOff) {
+  for (int seed = 1; seed <= (kSanitized ? 2 : 6); ++seed) {
+    FlightOptions options;
+    options.strangers = {seed % 4};
+    const World world = make_world(Task::kCross, Environment::kMixed, 10, static_cast<std::uint64_t>(seed));
+    const RunReport report = run_lockstep(world, nullptr, options, {}, nullptr, nullptr, nullptr);
+    EXPECT_EQ(report.outcome, Outcome::kSuccess) << summary_table(report);
+    for (const RobotReport& robot : report.robots)
+      EXPECT_EQ(robot.refused[static_cast<std::size_t>(Refusal::kRobot)], 0) << "nobody is refused";
+  }
+}
+
 // The robots wait for a silent one, an obstacle comes: they get out of its way without its word.
 TEST(Faults, WhoeverWaitsForASilentPeerIsNotHit) {
   std::int64_t forced = 0;

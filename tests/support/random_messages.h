@@ -167,7 +167,9 @@ inline void make(Random& random, int elements, goal_t* m) {
   }
 }
 inline void make(Random& random, int, order_t* m) {
-  m->order = static_cast<std::int16_t>(integer(random, 0, 5));
+  m->order = static_cast<std::int16_t>(integer(random, 0, 6));
+  if (m->order == order_t::kWithout)
+    m->other_id = static_cast<std::int16_t>(m->header.robot_id > 0 ? m->header.robot_id - 1 : 1);
   m->height = m->order == order_t::kTakeOff ? real(random, 0.1, 100) : 0.0;
 }
 inline void make(Random& random, int, vehicle_status_t* m) {

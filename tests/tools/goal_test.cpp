@@ -32,8 +32,12 @@ TEST(GoalOrder, OnePlaceOfOneRobot) {
 
 TEST(GoalOrder, PlacesOfSeveralRobots) {
   const GoalOptions options{.tolerance_m = 0.3, .speed_mps = 0.5, .wait_s = 2.0, .times = 2};
-  const auto orders = read_orders({"0", "1,2,3", "-4,.5,6", "12,4", "take-off", "3", "0,0,1"}, options);
-  ASSERT_EQ(orders.size(), 4u);
+  const auto orders =
+      read_orders({"0", "1,2,3", "-4,.5,6", "12,4", "take-off", "3", "0,0,1", "5,6", "without", "4"}, options);
+  ASSERT_EQ(orders.size(), 6u);
+  EXPECT_EQ(orders[5].robot_id, 6);
+  EXPECT_EQ(orders[5].order, order_t::kWithout);
+  EXPECT_EQ(orders[5].other_id, 4);
   const auto at = [](double x, double y, double z) {
     return Waypoint{.position = {x, y, z}, .tolerance_m = 0.3, .speed_mps = 0.5, .wait = 2s};
   };
@@ -68,8 +72,10 @@ TEST(GoalOrder, WhatMakesNoSenseIsNamed) {
   EXPECT_EQ(refusal_of({"1", "2", "3", "z"}), "place '2,3,z': must be X,Y,Z, each within [-100000, 100000] m");
   EXPECT_EQ(refusal_of({"1", "2,3,4", "hold"}),
             "robot '1' has no place: must be ROBOT X Y Z, or for each robot ROBOT X,Y,Z [X,Y,Z...] or ROBOT[,ROBOT...] "
-            "ORDER, "
-            "which is take-off, hold, fly, home, land or emergency");
+            "ORDER, which is take-off, hold, fly, home, land, emergency or without OTHER");
+  EXPECT_EQ(refusal_of({"0,1", "without"}).find("robots '0,1' without whom: must be ROBOT X Y Z"), 0u);
+  EXPECT_EQ(refusal_of({"0,1", "without", "1"}), "robot '1': cannot go on without itself");
+  EXPECT_EQ(refusal_of({"0", "without", "far"}), "robot 'far': must be an id within [0, 32767]");
   EXPECT_EQ(refusal_of({"1", "1,2,3", "4,5,6"}, {.times = 501}), "robot '1': 1002 places; at most 1000");
 }
 
@@ -155,6 +161,17 @@ TEST_F(GoalNodeTest, OrdersUntilItIsKnownAndLooksForItsEnd) {
   EXPECT_EQ(told.out.count(channel::kFlightOrder), 3) << "it knows";
   hear_flight(told, flight_status_t::kOnGround, 9);
   EXPECT_EQ(told.node.progress(), Progress::kArrived);
+}
+
+TEST_F(GoalNodeTest, WithoutAnotherOneIsDoneOnceItIsKnown) {
+  Operator told(order({"5", "without", "7"}), 9);
+  EXPECT_EQ(told.out.newest<order_t>(channel::kFlightOrder).other_id, 7);
+  hear_flight(told, flight_status_t::kFlying, -1);
+  EXPECT_EQ(told.node.progress(), Progress::kSilent);
+  hear_flight(told, flight_status_t::kFlying, 9);
+  EXPECT_EQ(told.node.progress(), Progress::kArrived);
+  hear_flight(told, flight_status_t::kFlying, 9, flight_status_t::kNotNow);
+  EXPECT_EQ(told.node.progress(), Progress::kRefused);
 }
 
 TEST_F(GoalNodeTest, WhatIsNotObeyedIsSaid) {

@@ -22,12 +22,10 @@ using sogm_swarm::planner_status_t;
 
 constexpr char kUsage[] =
     "Tells robots where to go: ROBOT X Y Z, or for several robots or places ROBOT X,Y,Z [X,Y,Z...], in W [m]; or what "
-    "to "
-    "do: ROBOT[,ROBOT...] take-off, hold, fly (to its goal again), home (and land there), land, or emergency (stop and "
-    "come "
-    "down without the planner). Ends when every robot has said that it knows. A planner that starts anew later waits "
-    "for a "
-    "goal again.\n"
+    "to do: ROBOT[,ROBOT...] take-off, hold, fly (to its goal again), home (and land there), land, emergency (stop and "
+    "come down without the planner), or without OTHER (which has left: nobody is to wait for it). Ends when every "
+    "robot "
+    "has said that it knows. A planner that starts anew later waits for a goal again.\n"
     "Exit codes: 0 told (with --arrive: there), 1 not, 2 bad input.";
 
 std::string what_for(std::int16_t planner_state) {
@@ -58,6 +56,12 @@ std::string why_not(const flight_status_t& flight, const std::string& order) {
 
 std::string line_of_order(const GoalNode& node) {
   const flight_status_t& flight = *node.flight();
+  if (node.order().order == sogm_swarm::order_t::kWithout) {
+    const std::string other = "robot " + std::to_string(node.order().other_id);
+    return node.progress() == Progress::kRefused
+               ? other + " is not in its roster, or it cannot give " + other + " up yet"
+               : "waits no more for " + other;
+  }
   if (node.progress() == Progress::kRefused) return why_not(flight, name_of_order(*node.order().order));
   return std::string("is ") + name_of_flight_state(flight.state);
 }

@@ -80,13 +80,14 @@ void GoalNode::order(Utime now, std::int16_t order, Outbox& outbox) {
   message.header = order_headers_.next(now);
   message.order = order;
   message.height = order == order_t::kTakeOff ? order_.height_m : 0.0;
+  message.other_id = static_cast<std::int16_t>(order == order_t::kWithout ? order_.other_id : 0);
   outbox.publish(BusId::kOnboard, channel::kFlightOrder, message);
 }
 
 GoalNode::Progress GoalNode::progress_of_order() const {
   if (!flight_answers_) return Progress::kSilent;
   if (flight_->order_boot == boot_ && flight_->verdict != flight_status_t::kAccepted) return Progress::kRefused;
-  if (flight_->state == end_of(*order_.order)) return Progress::kArrived;
+  if (order_.order == order_t::kWithout || flight_->state == end_of(*order_.order)) return Progress::kArrived;
   // It did not get there.
   const bool gave_up = flight_->state == flight_status_t::kOnGround;
   return gave_up ? Progress::kRefused : Progress::kFlies;

@@ -12,10 +12,9 @@ namespace {
 constexpr double kFarthest_m = 1e5;  // goal_t
 constexpr char kRule[] =
     "must be ROBOT X Y Z, or for each robot ROBOT X,Y,Z [X,Y,Z...] or ROBOT[,ROBOT...] ORDER, which is take-off, hold, "
-    "fly, "
-    "home, land or emergency";
+    "fly, home, land, emergency or without OTHER";
 // In the order of order_t's numbers.
-constexpr const char* kOrders[] = {"fly", "hold", "take-off", "home", "land", "emergency"};
+constexpr const char* kOrders[] = {"fly", "hold", "take-off", "home", "land", "emergency", "without"};
 
 bool is_place(const std::string& word) {
   return word.find(',') != std::string::npos;
@@ -76,6 +75,12 @@ std::vector<GoalOrder> read_orders(const std::vector<std::string>& words, const 
     if (order.order) {
       if (order.order == sogm_swarm::order_t::kTakeOff) order.height_m = options.height_m;
       ++word;
+      if (order.order == sogm_swarm::order_t::kWithout) {
+        if (word == words.end()) throw OptionError("robots '" + first + "' without whom: " + kRule);
+        order.other_id = read_robot(*word++);
+        if (std::ranges::find(robots, order.other_id) != robots.end())
+          throw OptionError("robot '" + std::to_string(order.other_id) + "': cannot go on without itself");
+      }
     } else {
       // Commas may also name the next robots, which an order follows.
       const auto names_robots = [&](auto at) { return std::next(at) != words.end() && find_order(*std::next(at)); };

@@ -17,6 +17,7 @@ struct GoalOrder {
   Mission mission;                    // empty: there is an order
   std::optional<std::int16_t> order;  // one of order_t's
   double height_m = 0.0;              // of a take-off
+  int other_id = 0;                   // of "without"
 };
 
 // Of every place.
@@ -33,7 +34,8 @@ const char* name_of_order(std::int16_t order);
 std::optional<std::int16_t> find_order(const std::string& name);
 
 // "0 3 2 1.5": robot 0 to a place; "0 3,2,1.5 5,2,1 4,5 hold": robot 0 to one place after the other, robots 4 and 5
-// stay where they are. Throws OptionError with the word and the rule.
+// stay where they are; "0,1 without 2": robots 0 and 1 go on without robot 2. Throws OptionError with the word and the
+// rule.
 std::vector<GoalOrder> read_orders(const std::vector<std::string>& words, const GoalOptions& options);
 
 }  // namespace swarm

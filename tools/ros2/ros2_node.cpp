@@ -222,8 +222,9 @@ Refusal Ros2Node::on_setpoint(Utime now, std::span<const std::uint8_t> bytes) {
 Refusal Ros2Node::on_announcement(Utime now, bool is_own, std::span<const std::uint8_t> bytes) {
   sogm_swarm::announcement_t message;
   const auto from = [&](const sogm_swarm::announcement_t& m) {
-    const bool is_expected = is_own == (m.header.robot_id == config_.robot_id) &&
-                             (robots_.contains(m.header.robot_id) || std::ssize(robots_) < kMaxRosterRobots);
+    const bool is_expected =
+        is_own == (m.header.robot_id == config_.robot_id) &&
+        (robots_.contains(m.header.robot_id) || std::ssize(robots_) < kMaxRosterRobots + kMaxStrangers);
     if (!is_expected) return Refusal::kRobot;
     const Utime end = motion_of(m).end_utime();
     return end <= to_utime(m.header.utime) + kMaxMotion ? Refusal::kNone : Refusal::kInconsistent;

@@ -154,7 +154,8 @@ void LiveSource::send_goal(const Json& goal) {
 void LiveSource::send_order(int robot, const std::string& name, double height_m, std::int32_t boot) {
   if (!options_.allow_goals) throw std::runtime_error("orders are not allowed: start with --allow-goals true");
   const std::optional<std::int16_t> order = find_order(name);
-  if (!order) throw std::runtime_error("order '" + name + "': must be take-off, hold, fly, home, land or emergency");
+  if (!order || *order == sogm_swarm::order_t::kWithout)
+    throw std::runtime_error("order '" + name + "': must be take-off, hold, fly, home, land or emergency");
   const bool climbs = *order == sogm_swarm::order_t::kTakeOff;
   if (climbs && !(height_m >= kLeastClimb_m && height_m <= kMaxClimb_m))
     throw std::runtime_error("take-off: height must be within [0.1, 100] m");

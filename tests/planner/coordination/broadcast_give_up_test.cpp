@@ -124,6 +124,90 @@ TEST(BroadcastGiveUp, LastWordsAreNoSignOfLife) {
   EXPECT_EQ(robot.about(2).verdict, ack_t::kGivenUp);
 }
 
+// Its receiver is dead: it speaks on, but judges nothing.
+TEST(BroadcastGiveUp, WhoDoesNotAnswerIsGivenUp) {
+  Survivor robot;
+  robot.hear(1), robot.hear(2);
+  robot.peers_agree = false;
+  for (int i = 0; i < 25; ++i) {  // robot 2 is not asked between the plans
+    robot.propose(robot.plan({0, 0.05 * (i % 2), 1}, 0.15, 1.0));
+    robot.hear_verdict(1, robot.node.protocol().pending().seq(), ack_t::kAck);
+    robot.run_for(0.1);
+    robot.hear(2), robot.send_state();
+    ASSERT_EQ(robot.about(2).verdict, ack_t::kNone) << i << ": nothing was asked for long";
+    robot.run_for(0.1);
+  }
+  EXPECT_EQ(robot.node.protocol().commits(), 25);
+  const auto ask = [&](double seconds) {
+    for (const Utime end = robot.now + to_duration(seconds); robot.now < end;) {
+      robot.propose(robot.plan({0, 0.1, 1}, 0.5));
+      for (int i = 0; i < 4; ++i) {
+        robot.run_for(0.1);
+        robot.hear(1), robot.hear(2), robot.send_state();
+      }
+    }
+  };
+  ask(1.2);
+  EXPECT_EQ(robot.about(2).verdict, ack_t::kNone);
+  robot.hear_verdict(2, robot.node.protocol().pending().seq(), ack_t::kNack);
+  ask(1.2);
+  EXPECT_EQ(robot.about(2).verdict, ack_t::kNone) << "it has answered meanwhile";
+  ask(2.0);
+  EXPECT_EQ(robot.about(2).verdict, ack_t::kGivenUp);
+}
+
+TEST(BroadcastGiveUp, WhoseClockIsWrongIsGivenUp) {
+  Survivor robot;
+  const auto fly = [&](double seconds) {
+    for (const Utime end = robot.now + to_duration(seconds); robot.now < end;) {
+      robot.hear(1);
+      robot.peers.at(1).least_delay_us = 1000;
+      Peer& late = robot.peers.at(2);
+      late.least_delay_us = -39'000;
+      robot.send(channel::kAnnouncement, late.message(robot.now - 40ms, 0), BusId::kSwarm);
+      robot.run_for(0.02);
+      robot.send_state();
+    }
+  };
+  fly(1.5);
+  EXPECT_EQ(robot.node.activity(robot.now).text, "commits nothing: clocks differ");
+  EXPECT_EQ(robot.about(2).verdict, ack_t::kNone);
+  fly(1.5);
+  EXPECT_EQ(robot.about(2).verdict, ack_t::kGivenUp);
+  robot.votes(1, 2, 9, 1000);
+  ASSERT_FALSE(robot.node.protocol().peers().at(2).given_up) << "robot 1 knows more of it";
+  robot.votes(1, 2, 9, 0);
+  ASSERT_TRUE(robot.node.protocol().peers().at(2).given_up);
+  fly(10.0);
+  EXPECT_EQ(robot.node.activity(robot.now).text,
+            "ready: commits what the planner sends and robots agree to; goes on without robots 2");
+  robot.votes(2, 0, kBoot, 5);
+  robot.run_for(0.001);
+  EXPECT_EQ(robot.announced().header.boot, kBoot) << "what it says of others counts for nothing";
+}
+
+TEST(BroadcastGiveUp, TheOperatorsWordIsEnough) {
+  Survivor robot;
+  robot.hear(1), robot.hear(2);
+  sogm_swarm::order_t order{};
+  order.order = sogm_swarm::order_t::kWithout;
+  const auto tell = [&](int other) {
+    order.header = make_header(0, 1, order.header.seq + 1, robot.now);
+    order.other_id = static_cast<std::int16_t>(other);
+    robot.send(channel::kFlightOrder, order);
+    const auto flight = robot.out.newest<sogm_swarm::flight_status_t>(channel::kFlightStatus);
+    EXPECT_EQ(flight.order_seq, order.header.seq);
+    return flight.verdict;
+  };
+  EXPECT_EQ(tell(5), sogm_swarm::flight_status_t::kNotNow) << "it is not in the roster";
+  EXPECT_EQ(robot.about(2).verdict, ack_t::kNone);
+  EXPECT_EQ(tell(2), sogm_swarm::flight_status_t::kAccepted);
+  EXPECT_EQ(robot.about(2).verdict, ack_t::kGivenUp);
+  EXPECT_EQ(tell(2), sogm_swarm::flight_status_t::kAccepted) << "once more";
+  robot.votes(1, 2, 9, 0);
+  EXPECT_TRUE(robot.node.protocol().peers().at(2).given_up);
+}
+
 TEST(BroadcastGiveUp, WhoWasGivenUpStartsAnew) {
   Survivor robot;
   robot.hear(1), robot.hear(2);

@@ -17,7 +17,8 @@ STATES = {flight_status_t.kOnGround: "on the ground", flight_status_t.kTakeOff: 
 # Orders, and the state in which each is done.
 ORDERS = {"fly": (order_t.kFly, flight_status_t.kFlying), "hold": (order_t.kHold, flight_status_t.kHold),
           "take-off": (order_t.kTakeOff, flight_status_t.kFlying), "home": (order_t.kHome, flight_status_t.kOnGround),
-          "land": (order_t.kLand, flight_status_t.kOnGround), "emergency": (order_t.kEmergency, flight_status_t.kOnGround)}
+          "land": (order_t.kLand, flight_status_t.kOnGround), "emergency": (order_t.kEmergency, flight_status_t.kOnGround),
+          "without": (order_t.kWithout, None)}
 VERDICTS = {flight_status_t.kNotNow: "has no use for that now", flight_status_t.kNotReady: "is not ready: see its broadcast_daemon's log",
             flight_status_t.kNoVehicle: "does not hear its vehicle: mavlink_bridge does not run, or hears nothing"}
 WAITS = {planner_status_t.kNoMap: "a map", planner_status_t.kStaleMap: "a map", planner_status_t.kNoCommitted: "the broadcaster"}
@@ -77,13 +78,15 @@ class Robot:
 
         self._until(tell, progress, arrive, patience)
 
-    def order(self, name, height=1.5, arrive=False, patience=3.0):
-        """take-off (to `height` above the ground [m]), hold, fly (to its goal again), home, land or emergency."""
+    def order(self, name, height=1.5, arrive=False, patience=3.0, other=0):
+        """take-off (to `height` above the ground [m]), hold, fly (to its goal again), home, land, emergency or without
+        (robot `other`, which has left)."""
         if name not in ORDERS:
             raise ValueError(f"order '{name}': must be one of {', '.join(ORDERS)}")
         message, first = order_t(), None
         message.order, end = ORDERS[name]
         message.height = height if name == "take-off" else 0.0
+        message.other_id = other if name == "without" else 0
 
         def is_heard():
             return first is not None and self.flight and self.flight.order_boot == self.bus.boot and self.flight.order_seq >= first
@@ -99,6 +102,8 @@ class Robot:
                 return False, False, f"was not heard on {self.bus.url}"
             if self.flight.verdict != flight_status_t.kAccepted:
                 raise NotDone(f"robot {self.bus.robot}: {VERDICTS[self.flight.verdict]}")
+            if end is None:
+                return True, True, ""
             if self.flight.state == flight_status_t.kOnGround != end:
                 raise NotDone(f"robot {self.bus.robot}: is on the ground: the vehicle did not arm, or did not rise")
             return True, self.flight.state == end, f"is {STATES[self.flight.state]}"

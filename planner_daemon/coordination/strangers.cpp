@@ -1,0 +1,55 @@
+#include "planner_daemon/coordination/strangers.h"
+
+#include <algorithm>
+#include <iterator>
+#include <utility>
+
+#include "lcmtypes/bus/limits.h"
+
+namespace swarm {
+
+using sogm_swarm::announcement_t;
+
+Refusal Strangers::admit(const announcement_t& message) {
+  const bool is_one_more = !strangers_.contains(message.header.robot_id);
+  if (is_one_more && std::ssize(strangers_) == kMaxStrangers) return Refusal::kRobot;
+  return strangers_[message.header.robot_id].gate.pass(message.header);
+}
+
+void Strangers::heard(announcement_t message) {
+  Stranger& stranger = strangers_.at(message.header.robot_id);
+  stranger.newest = std::move(message);
+  stranger.waits = true;
+}
+
+std::optional<announcement_t> Strangers::take_due(Utime now, Duration gap) {
+  for (auto& [id, stranger] : strangers_) {
+    stranger.may_go = std::min(stranger.may_go, now + gap);  // the clock may have been set back
+    if (!stranger.waits || now < stranger.may_go) continue;
+    stranger.waits = false;
+    stranger.may_go = now + gap;
+    return stranger.newest;
+  }
+  return std::nullopt;
+}
+
+Utime Strangers::due_utime(Utime now) const {
+  Utime due = kNever;
+  for (const auto& [id, stranger] : strangers_)
+    if (stranger.waits) due = std::min(due, std::max(stranger.may_go, now));
+  return due;
+}
+
+std::vector<int> Strangers::ids() const {
+  std::vector<int> ids;
+  for (const auto& [id, stranger] : strangers_) ids.push_back(id);
+  return ids;
+}
+
+std::vector<CommitProtocol::Peer> Strangers::tombstones() const {
+  std::vector<CommitProtocol::Peer> tombstones;
+  for (const auto& [id, stranger] : strangers_) tombstones.push_back(tombstone_of(stranger.newest));
+  return tombstones;
+}
+
+}  // namespace swarm

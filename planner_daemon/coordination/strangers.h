@@ -1,0 +1,40 @@
+// Robots that were given another roster than this one. Nobody waits for them or answers them; but what they announce is
+// drawn for the planner, and nothing that comes near it is committed.
+#pragma once
+
+#include <map>
+#include <optional>
+#include <vector>
+
+#include "lcmtypes/bus/codec.h"
+#include "planner_daemon/coordination/commit_protocol.h"
+
+namespace swarm {
+
+class Strangers {
+ public:
+  // For receive(): its order, and that it is none too many (kRobot). They are kept for ever, as they may be anywhere.
+  Refusal admit(const sogm_swarm::announcement_t& message);
+  // What was admitted.
+  void heard(sogm_swarm::announcement_t message);
+  // It was given this roster since. False: it was no stranger.
+  bool forget(int id) { return strangers_.erase(id) > 0; }
+  // One that waits to be told to the robot itself: of each the newest, no more often than `gap`; none: nothing is due.
+  std::optional<sogm_swarm::announcement_t> take_due(Utime now, Duration gap);
+  Utime due_utime(Utime now) const;  // kNever: nothing waits
+  bool contains(int id) const { return strangers_.contains(id); }
+  std::vector<int> ids() const;
+  // What each may fly, for CommitProtocol::set_tombstones().
+  std::vector<CommitProtocol::Peer> tombstones() const;
+
+ private:
+  struct Stranger {
+    SequenceGate gate;
+    sogm_swarm::announcement_t newest{};
+    bool waits = false;
+    Utime may_go{};
+  };
+  std::map<int, Stranger> strangers_;
+};
+
+}  // namespace swarm
