@@ -34,6 +34,8 @@ constexpr Duration kVotePeriod = 100ms;
 constexpr Duration kWordsPeriod = 500ms;    // and fifty times as seldom as announcements may come
 constexpr Duration kStrangerPeriod = 20ms;  // at most so often the planner is told of one
 constexpr int kMostJudged = 4;              // peers at once: far less time than between two setpoints
+constexpr double kTurns_mps = 0.3;          // faster, a robot looks where it flies
+constexpr double kTurns_m = 0.05;           // else to where its motion ends, where that is farther
 constexpr double kHere_m = 0.02;            // a robot that stands is where it is bound to be
 constexpr double kResume_m = 0.5;           // a kept motion is gone on with where the robot is so close to it
 
@@ -688,12 +690,15 @@ void BroadcastNode::publish_setpoint(Utime now, Outbox& outbox) {
   Eigen::Map<Eigen::Vector3d>(setpoint.velocity) = state.velocity;
   Eigen::Map<Eigen::Vector3d>(setpoint.acceleration) = state.acceleration;
   Eigen::Map<Eigen::Vector3d>(setpoint.jerk) = state.jerk;
-  // Turn into the direction of flight; slow motion has none worth turning to.
+  // Turn to where the robot flies: there is what is to be seen.
   const double turn = 1.0 / config_.setpoint_rate_hz * config_.yaw_rate_max_radps;
+  const Eigen::Vector2d velocity = state.velocity.head<2>();
+  const Eigen::Vector2d way = (motion()->at(motion()->end_utime()).position - state.position).head<2>();
+  const bool is_fast = velocity.norm() > kTurns_mps;
+  const Eigen::Vector2d& ahead = is_fast ? velocity : way;
   double step = 0.0;
-  if (state.velocity.head<2>().norm() > 0.3) {
-    step = std::clamp(wrap_angle(direction(state.velocity.x(), state.velocity.y()) - yaw_rad_), -turn, turn);
-  }
+  if (is_fast || way.norm() > kTurns_m)
+    step = std::clamp(wrap_angle(direction(ahead.x(), ahead.y()) - yaw_rad_), -turn, turn);
   yaw_rad_ = wrap_angle(yaw_rad_ + step);
   setpoint.yaw = yaw_rad_;
   setpoint.yaw_rate = step * config_.setpoint_rate_hz;

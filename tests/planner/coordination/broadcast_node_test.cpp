@@ -124,6 +124,18 @@ TEST(BroadcastNode, SetpointsAreTheCommittedMotionAt100Hz) {
   EXPECT_LT((Eigen::Vector3d(setpoints.back().position) - Eigen::Vector3d(1, 1, 1.5)).norm(), 1e-6);
 }
 
+TEST(BroadcastNode, ASlowRobotLooksToWhereItsMotionEnds) {
+  const auto yaw_after = [](double y) {
+    Robot robot(0);
+    robot.propose(robot.plan({0, y, 1}, 0.1, 6.0));  // never faster than 0.05 m/s
+    robot.run_for(6.5);
+    EXPECT_NEAR(robot.node.motion()->at(robot.now).position.y(), y, 1e-3);
+    return robot.out.newest<setpoint_t>(channel::kSetpoint).yaw;
+  };
+  EXPECT_NEAR(yaw_after(-0.15), -std::numbers::pi / 2, 1e-6);
+  EXPECT_EQ(yaw_after(-0.04), 0.0) << "it stays where it is, nearly";
+}
+
 TEST(BroadcastNode, SwitchesExactlyAtTheStart) {
   Robot robot(0);
   const Trajectory flight = robot.plan({1, 0, 1}, 0.123457);
