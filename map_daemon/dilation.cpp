@@ -376,14 +376,14 @@ void Dilator::dilate(std::span<const Layer> layers, const Columns& columns, std:
 void Dilator::dilate(const Sogm& in, double radius_m, Sogm* out) {
   set(in.geometry, radius_m);
   if (out->geometry.size != in.geometry.size || out->num_frames != in.num_frames ||
-      out->words.size() != in.words.size())
+      out->words().size() != in.words().size())
     out->reset(in.geometry, in.num_frames, in.start_utime, in.frame_duration);
   out->geometry = in.geometry;
   out->start_utime = in.start_utime;
   out->frame_duration = in.frame_duration;
-  for (int frame = 0; frame < in.num_frames && !in.words.empty(); ++frame) {
+  for (int frame = 0; frame < in.num_frames && !in.words().empty(); ++frame) {
     const Layer layer = layer_of(in, frame);
-    dilate({&layer, 1}, layer.columns, out->column(frame, 0, 0), layer.row);
+    dilate({&layer, 1}, layer.columns, out->columns(frame, layer.columns), layer.row);
   }
 }
 

@@ -59,7 +59,7 @@ void spread_sideways(const Sogm& in, double radius_m, Sogm* out) {
       if (first_y > last_y) continue;
       for (int x = std::max(0, -dx); x < std::min(window.size.x(), window.size.x() - dx); ++x) {
         const std::uint64_t* from = in.column(0, x + dx, first_y + dy);
-        std::uint64_t* to = out->column(0, x, first_y);
+        std::uint64_t* to = out->columns(0, {{x, first_y}, {x, last_y}});
         for (int i = 0; i < (last_y - first_y + 1) * words; ++i) to[i] |= from[i];
       }
     }

@@ -182,6 +182,7 @@ class Painter {
     for (int x = first.x(); x <= last.x(); ++x) {
       int begin = first.y(), end = last.y();
       if (core_.kind == Shape::Kind::kRing) clip_to_ring(sweep, x, &begin, &end);
+      if (begin <= end) sogm_.columns(first_frame, {{x, begin}, {x, end}});
       while ((begin = cells_.add(x, begin, end + 1)) <= end) paint_cells(sweep, first_frame, last_frame);
     }
     paint_cells(sweep, first_frame, last_frame);

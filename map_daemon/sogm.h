@@ -4,7 +4,10 @@
 
 #include <Eigen/Core>
 #include <algorithm>
+#include <bit>
+#include <cstddef>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "lcmtypes/bus/eigen_alignment.h"
@@ -63,22 +66,45 @@ inline bool intersect(const Columns& a, const Columns& b) {
 }
 
 // Frames of bit columns: frame-major, then x, y, then 64-bit words along z (bit k of word w is voxel z = 64 w + k).
-// Bits at z >= size.z() are always zero.
-struct Sogm {
+// Bits at z >= size.z() are always zero. Remembers where it was written to, for most of a map is empty.
+class Sogm {
+ public:
   Utime start_utime{};        // of the first frame
   Duration frame_duration{};  // > 0
   int num_frames = 0;
   GridGeometry geometry;
-  std::vector<std::uint64_t> words;  // num_frames * words_per_frame()
 
   // Sets the layout and clears all voxels; keeps the allocation when it suffices.
   void reset(const GridGeometry& new_geometry, int frames, Utime start, Duration duration);
 
-  std::uint64_t* column(int frame, int x, int y) {
-    const Eigen::Index row = Eigen::Index{frame} * geometry.size.x() + x;
-    return words.data() + (row * geometry.size.y() + y) * geometry.words_per_column();
+  // All words: num_frames * words_per_frame().
+  const std::vector<std::uint64_t>& words() const { return words_; }
+  std::span<std::uint64_t> words_to_write();
+
+  // The words of a column, and of no other; of those to write to, whoever asks is taken to write.
+  const std::uint64_t* column(int frame, int x, int y) const { return words_.data() + index_of(frame, x, y); }
+  std::uint64_t* column(int frame, int x, int y) { return columns(frame, {{x, y}, {x, y}}); }
+  // The first column of a box (not none) that may be written to, in this frame and all others; the others lie as in the
+  // frame. What lies between them counts as written to as well.
+  std::uint64_t* columns(int frame, const Columns& box);
+  // A word of a frame.
+  std::uint64_t* word(int frame, std::size_t index);
+
+  // Makes a frame what the one before it is.
+  void repeat_before(int frame);
+
+  // Visits [first, end) of the words of a frame that may hold something in any frame, in order: all others are zeros.
+  template <class Visit>
+  void for_each_used_run(const Visit& visit) const {
+    for (std::size_t i = 0; i < used_.size(); ++i) {
+      for (std::uint64_t lines = used_[i]; lines != 0;) {
+        const int first = std::countr_zero(lines), end = first + std::countr_one(lines >> first);
+        const std::size_t begin = (64 * i + static_cast<std::size_t>(first)) * kLine;
+        visit(begin, std::min(begin + static_cast<std::size_t>(end - first) * kLine, frame_words_));
+        lines = end == 64 ? 0 : lines & ~std::uint64_t{0} << end;
+      }
+    }
   }
-  const std::uint64_t* column(int frame, int x, int y) const { return const_cast<Sogm*>(this)->column(frame, x, y); }
 
   // Outside the window nothing is known, hence nothing is occupied.
   bool occupied(int frame, const Eigen::Vector3i& voxel) const {
@@ -88,6 +114,20 @@ struct Sogm {
   Utime end_utime() const { return start_utime + num_frames * frame_duration; }  // of the last frame
   // Frame in force at `utime`, clamped to the first and the last: what lies beyond the horizon is taken to stay.
   int frame_at(Utime utime) const;
+
+ private:
+  static constexpr std::size_t kLine = 8;  // words
+
+  std::size_t index_of(int frame, int x, int y) const {
+    const Eigen::Index row = Eigen::Index{frame} * geometry.size.x() + x;
+    return static_cast<std::size_t>((row * geometry.size.y() + y) * geometry.words_per_column());
+  }
+  void clear_used();
+  void use(std::size_t first_word, std::size_t last_word);  // of a frame
+
+  std::vector<std::uint64_t> words_;
+  std::size_t frame_words_ = 0;
+  std::vector<std::uint64_t> used_;  // lines of a frame that were written to in any frame, a bit each
 };
 
 // Word `w` of a column of `n` words (beyond them zeros) shifted down by `shift` bits, of either sign.

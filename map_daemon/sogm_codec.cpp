@@ -166,25 +166,26 @@ bool SogmEncoder::pack(const Sogm& sogm) {
   memory_->clear();
   std::size_t changes = 0, unchanged_from = 0;  // in the whole map
   packed_size_ = kCountBytes;
-  for (std::size_t begin = 0; begin < sogm.words.size(); begin += n) {
-    const std::uint64_t* words = sogm.words.data() + begin;
+  for (std::size_t begin = 0; begin < sogm.words().size(); begin += n) {
+    const std::uint64_t* words = sogm.words().data() + begin;
     const std::uint64_t* before = begin == 0 ? zeros_.data() : words - n;
-    for (std::size_t block = 0; block < n; block += kBlock) {
-      std::uint64_t changed = changes_in(words + block, before + block, std::min(kBlock, n - block));
-      if (changed == 0) continue;
-      if (packed_size_ > kMostPackedBytes) return false;
-      if (packed_.size() < packed_size_ + kBlock * kMaxTokenBytes)
-        packed_.resize(2 * packed_.size() + kBlock * kMaxTokenBytes);
-      std::uint8_t* out = packed_.data() + packed_size_;
-      for (; changed != 0; changed &= changed - 1) {
-        const std::size_t i = block + static_cast<std::size_t>(std::countr_zero(changed));
-        const auto guesses = memory_->look(before[i], i + 1 < n ? before[i + 1] : 0, i > 0 ? words[i - 1] : 0);
-        out = put_change(words[i] ^ before[i], begin + i - unchanged_from, guesses, memory_.get(), out);
-        unchanged_from = begin + i + 1;
-        ++changes;
+    sogm.for_each_used_run([&](std::size_t first, std::size_t end) {
+      for (std::size_t block = first; block < end && packed_size_ <= kMostPackedBytes; block += kBlock) {
+        std::uint64_t changed = changes_in(words + block, before + block, std::min(kBlock, end - block));
+        if (changed == 0) continue;
+        if (packed_.size() < packed_size_ + kBlock * kMaxTokenBytes)
+          packed_.resize(2 * packed_.size() + kBlock * kMaxTokenBytes);
+        std::uint8_t* out = packed_.data() + packed_size_;
+        for (; changed != 0; changed &= changed - 1) {
+          const std::size_t i = block + static_cast<std::size_t>(std::countr_zero(changed));
+          const auto guesses = memory_->look(before[i], i + 1 < n ? before[i + 1] : 0, i > 0 ? words[i - 1] : 0);
+          out = put_change(words[i] ^ before[i], begin + i - unchanged_from, guesses, memory_.get(), out);
+          unchanged_from = begin + i + 1;
+          ++changes;
+        }
+        packed_size_ = static_cast<std::size_t>(out - packed_.data());
       }
-      packed_size_ = static_cast<std::size_t>(out - packed_.data());
-    }
+    });
   }
   packed_.resize(std::max(packed_.size(), packed_size_));
   for (std::size_t i = 0; i < kCountBytes; ++i) packed_[i] = static_cast<std::uint8_t>(changes >> 8 * i);
@@ -270,17 +271,12 @@ Refusal SogmAssembler::unpack() {
   for (std::size_t i = 0; i < kCountBytes; ++i) changes |= static_cast<std::size_t>(*in++) << 8 * i;
   if (changes > num_words) return Refusal::kInconsistent;
 
-  map_.geometry = geometry;
-  map_.num_frames = layout_.num_frames;
-  map_.start_utime = to_utime(layout_.header.utime);
-  map_.frame_duration = Duration(layout_.frame_duration_us);
-  map_.words.resize(num_words);
-  std::fill_n(map_.words.begin(), n, 0);
-  std::size_t frame_end = n;
-  const auto begin_frame = [&] {  // as the one before
-    std::uint64_t* words = map_.words.data() + frame_end;
-    std::copy_n(words - n, n, words);
-    frame_end += n;
+  map_.reset(geometry, layout_.num_frames, to_utime(layout_.header.utime), Duration(layout_.frame_duration_us));
+  int frame = 0;
+  std::size_t frame_begin = 0;
+  const auto next_frame = [&] {
+    map_.repeat_before(++frame);
+    frame_begin += n;
   };
   const int tail = geometry.size.z() % 64;
   const std::uint64_t above = tail == 0 ? 0 : ~std::uint64_t{0} << tail;  // the window, in the highest word of a column
@@ -292,9 +288,10 @@ Refusal SogmAssembler::unpack() {
     const auto kind = static_cast<Change>(*in >> 6);
     i += take_gap(in);
     if (i >= num_words) return Refusal::kInconsistent;
-    while (i >= frame_end) begin_frame();
-    std::uint64_t* word = map_.words.data() + i;
-    const auto guesses = memory_->look(*word, i + 1 < frame_end ? word[1] : 0, i > frame_end - n ? word[-1] : 0);
+    while (i >= frame_begin + n) next_frame();
+    const std::size_t at = i - frame_begin;
+    std::uint64_t* word = map_.word(frame, at);
+    const auto guesses = memory_->look(*word, at + 1 < n ? word[1] : 0, at > 0 ? word[-1] : 0);
     const std::uint64_t change = take_change(kind, guesses, memory_.get(), in);
     if (change == 0) return Refusal::kInconsistent;
     if ((change & above) != 0) is_above |= (i + 1) % words_per_column == 0;
@@ -302,8 +299,7 @@ Refusal SogmAssembler::unpack() {
     *guesses.next = *guesses.previous = memory_->newest(ChangeMemory::index_of(change)) = change;
   }
   if (in != end) return Refusal::kInconsistent;
-  while (frame_end < num_words) begin_frame();
-
+  while (frame + 1 < layout_.num_frames) next_frame();
   return is_above ? Refusal::kValue : Refusal::kNone;
 }
 

@@ -80,16 +80,16 @@ bool GlobalMap::see(const Sogm& sogm, const Sogm& standing, const Sogm* seen, co
       changed = true;
     }
   }
-  if (changed) empty_ = std::ranges::all_of(occupied_.words, [](std::uint64_t word) { return word == 0; });
+  if (changed) empty_ = std::ranges::all_of(occupied_.words(), [](std::uint64_t word) { return word == 0; });
   return changed;
 }
 
 bool GlobalMap::forget_seen() {
   if (occupied_.num_frames == 0) return false;
-  const std::vector<std::uint64_t> before = occupied_.words;
-  std::ranges::fill(occupied_.words, 0);
+  const std::vector<std::uint64_t> before = occupied_.words();
+  std::ranges::fill(occupied_.words_to_write(), 0);
   if (file_) file_->copy_into(&occupied_);
-  if (occupied_.words == before) return false;
+  if (occupied_.words() == before) return false;
   block_all();
   return true;
 }
@@ -133,7 +133,7 @@ void GlobalMap::lay_out(const Box& box, double resolution_m) {
 }
 
 void GlobalMap::block_all() {
-  empty_ = std::ranges::all_of(occupied_.words, [](std::uint64_t word) { return word == 0; });
+  empty_ = std::ranges::all_of(occupied_.words(), [](std::uint64_t word) { return word == 0; });
   const Columns all = all_columns(occupied_.geometry);
   for (int x = 0; x <= all.last.x(); x += kStrip)
     block({{x, 0}, {std::min(x + kStrip - 1, all.last.x()), all.last.y()}});
@@ -144,7 +144,7 @@ void GlobalMap::block(const Columns& columns) {
   if (columns.empty()) return;
   const GridGeometry& grid = occupied_.geometry;
   const Layer source = layer_of(occupied_, 0);
-  dilator_.dilate({&source, 1}, columns, blocked_.column(0, columns.first.x(), columns.first.y()), source.row);
+  dilator_.dilate({&source, 1}, columns, blocked_.columns(0, columns), source.row);
   const auto words = static_cast<std::size_t>(grid.words_per_column());
   column_.assign(words, 0);  // inside the flight space
   for (int z = 0; z < grid.size.z(); ++z) {

@@ -45,7 +45,7 @@ void brake(const SearchContext& context, const SearchNode& node, SearchPath* pat
         const auto at = static_cast<std::size_t>(i);
         const auto word = static_cast<std::size_t>(first_words[at] + x.offset[at] + y.offset[at] + z.offset[at]);
         goes_on = visit(BrakeSample{context.utime_of_sample(node.depth + k, i), tau_s / primitives.num_samples(), word,
-                                    blocked.words[word] & x.in_window[at] & y.in_window[at] & z.in_window[at],
+                                    blocked.words()[word] & x.in_window[at] & y.in_window[at] & z.in_window[at],
                                     ((x.strays | y.strays | z.strays) >> i & 1u) != 0,
                                     space.meets_wall(x.half[at], y.half[at], z.half[at])});
       }
@@ -69,7 +69,7 @@ void brake(const SearchContext& context, const SearchNode& node, SearchPath* pat
     const Utime next = stays ? context.hover_until_utime : std::min(context.hover_until_utime, end);
     const auto word = static_cast<std::size_t>(frame * context.words_per_frame + column);
     goes_on = visit(BrakeSample{utime, to_seconds(next - utime), word,
-                                blocked.words[word] & std::uint64_t{1} << (voxel.z() & 63), false, false});
+                                blocked.words()[word] & std::uint64_t{1} << (voxel.z() & 63), false, false});
     utime = next;
   }
 }

@@ -60,15 +60,15 @@ void SearchTree::look_up(const ConfigurationSpace::Layers& layers, const AxisSam
     for (std::size_t i = first; i < first + kBlockSamples; ++i) {
       words->index[i] = static_cast<std::size_t>(first_words[i] + x.offset[i] + y.offset[i] + z.offset[i]);
       inside[i] = x.in_window[i] & y.in_window[i];
-      words->inflation[i] = layers.inflation.words[words->index[i]] & inside[i];
+      words->inflation[i] = layers.inflation.words()[words->index[i]] & inside[i];
       words->any_inflation |= words->inflation[i];
     }
   }
   if (words->any_inflation == 0) return;
   for (std::size_t first = 0; first < num_samples; first += kBlockSamples) {
     for (std::size_t i = first; i < first + kBlockSamples; ++i) {
-      words->recently_occupied[i] = layers.recently_occupied.words[words->index[i]] & inside[i];
-      words->blocked[i] = layers.blocked.words[words->index[i]] & inside[i];
+      words->recently_occupied[i] = layers.recently_occupied.words()[words->index[i]] & inside[i];
+      words->blocked[i] = layers.blocked.words()[words->index[i]] & inside[i];
     }
   }
 }

@@ -99,17 +99,18 @@ Occupancy ConfigurationSpace::compose_standing(const std::vector<Peer>& peers) {
   standing_.frame_duration = sogm.num_frames * sogm.frame_duration;
   const auto n = static_cast<std::size_t>(sogm.geometry.words_per_frame());
   const std::uint64_t *first = sogm.column(0, 0, 0), *last = sogm.column(sogm.num_frames - 1, 0, 0);
+  const std::span<std::uint64_t> standing = standing_.words_to_write();
   standing_words_.clear();  // little is left of the first and the last frame together
   for (std::size_t i = 0; i < n; ++i) {
-    standing_.words[i] = first[i] & last[i];
-    if (standing_.words[i] != 0) standing_words_.push_back(i);
+    standing[i] = first[i] & last[i];
+    if (standing[i] != 0) standing_words_.push_back(i);
   }
   for (int frame = 1; frame + 1 < sogm.num_frames; ++frame) {
     const std::uint64_t* words = sogm.column(frame, 0, 0);
-    for (const std::size_t i : standing_words_) standing_.words[i] &= words[i];
+    for (const std::size_t i : standing_words_) standing[i] &= words[i];
   }
   if (!sees_all_)
-    for (const std::size_t i : standing_words_) standing_.words[i] &= seen_.words[i];
+    for (const std::size_t i : standing_words_) standing[i] &= seen_.words()[i];
   const Columns all = all_columns(sogm.geometry);
   standing_peers_.lay_out(standing_);
   for (const Peer& peer : peers) {
@@ -123,7 +124,8 @@ void ConfigurationSpace::add_known(const Sogm* known) {
   if (sees_all_ || known == nullptr) return;
   known_.reset(standing_.geometry, 1, standing_.start_utime, standing_.frame_duration);
   add_first_frame(*known, &known_);
-  for (std::size_t i = 0; i < known_.words.size(); ++i) standing_.words[i] |= known_.words[i] & ~seen_.words[i];
+  const std::span<std::uint64_t> standing = standing_.words_to_write();
+  for (std::size_t i = 0; i < standing.size(); ++i) standing[i] |= known_.words()[i] & ~seen_.words()[i];
 }
 
 template <class WorkOut>
@@ -153,8 +155,9 @@ const Occupancy& ConfigurationSpace::certain() {
   if (sees_all_) return occupancy_;
   if (certain_round_ != round_) {
     certain_ = *occupancy_.sogm;
-    const std::size_t n = seen_.words.size();
-    for (std::size_t i = 0; i < certain_.words.size(); ++i) certain_.words[i] &= seen_.words[i % n];
+    const std::size_t n = seen_.words().size();
+    const std::span<std::uint64_t> certain = certain_.words_to_write();
+    for (std::size_t i = 0; i < certain.size(); ++i) certain[i] &= seen_.words()[i % n];
     certain_occupancy_ = {&certain_, &peers_};
     certain_round_ = round_;
   }
@@ -166,7 +169,7 @@ const Sogm& ConfigurationSpace::look(int first_frame, int last_frame, const Colu
     sources_.clear();
     const Occupancy& occupancy = layer == &blocked_ ? occupancy_ : certain();
     occupancy.append_layers(frame, box.grown(layer->dilator.radius_voxels(), layer->sogm.geometry), &sources_);
-    layer->dilator.dilate(sources_, box, layer->sogm.column(frame, box.first.x(), box.first.y()), sources_.front().row);
+    layer->dilator.dilate(sources_, box, layer->sogm.columns(frame, box), sources_.front().row);
   });
   return layer->sogm;
 }
@@ -200,10 +203,10 @@ void ConfigurationSpace::work_out_inflation(int frame, const Columns& box) {
     occupancy_.append_layers(before, seen, &sources_);
   silent_peers_.append_layers(frame, seen, &sources_);
   const std::size_t row = sources_.front().row;
-  std::uint64_t* recently_occupied = recently_occupied_.column(frame, around.first.x(), around.first.y());
+  std::uint64_t* recently_occupied = recently_occupied_.columns(frame, around);
   blocked_.dilator.dilate(sources_, around, recently_occupied, row);
   const Layer source{around, recently_occupied, row};
-  inflation_dilator_.dilate({&source, 1}, box, inflation_.column(frame, box.first.x(), box.first.y()), row);
+  inflation_dilator_.dilate({&source, 1}, box, inflation_.columns(frame, box), row);
 }
 
 Severity ConfigurationSpace::severity(std::size_t word, std::uint64_t bit) {
@@ -212,8 +215,8 @@ Severity ConfigurationSpace::severity(std::size_t word, std::uint64_t bit) {
   const int frame = static_cast<int>(word / per_frame);
   const int at = static_cast<int>(word % per_frame) / grid.words_per_column();
   const Eigen::Vector2i column(at / grid.size.y(), at % grid.size.y());
-  if ((look(frame, frame, {column, column}, &emergency_).words[word] & bit) == 0) return Severity::kBlocked;
-  const bool collides = (look(frame, frame, {column, column}, &collision_).words[word] & bit) != 0;
+  if ((look(frame, frame, {column, column}, &emergency_).words()[word] & bit) == 0) return Severity::kBlocked;
+  const bool collides = (look(frame, frame, {column, column}, &collision_).words()[word] & bit) != 0;
   return collides ? Severity::kCollision : Severity::kEmergency;
 }
 

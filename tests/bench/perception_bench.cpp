@@ -48,7 +48,7 @@ double processor_ms() {
 void digest(const Perception& perception, Sample* sample) {
   std::vector<std::uint8_t> report;
   encode(perception.report(), &report);
-  const std::span words(perception.seen_space().words);
+  const std::span words(perception.seen_space().words());
   const std::span seen(reinterpret_cast<const std::uint8_t*>(words.data()), words.size_bytes());
   sample->digest = crc32(seen, crc32(report, sample->digest));
 }

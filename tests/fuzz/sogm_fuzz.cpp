@@ -17,12 +17,13 @@ void check(const Sogm& map) {
   const GridGeometry& grid = map.geometry;
   expect(map.num_frames >= 1 && map.frame_duration > 0us, "it has frames");
   const std::int64_t words = std::int64_t{map.num_frames} * grid.words_per_frame();
-  expect(static_cast<std::int64_t>(map.words.size()) == words && 8 * words <= kMaxMapBytes, "its words are all there");
+  expect(static_cast<std::int64_t>(map.words().size()) == words && 8 * words <= kMaxMapBytes,
+         "its words are all there");
   if (grid.size.z() % 64 == 0) return;
   const std::uint64_t above = ~std::uint64_t{0} << grid.size.z() % 64;
   const auto top = static_cast<std::size_t>(grid.words_per_column());
-  for (std::size_t i = top - 1; i < map.words.size(); i += top)
-    expect((map.words[i] & above) == 0, "no bits are above the window");
+  for (std::size_t i = top - 1; i < map.words().size(); i += top)
+    expect((map.words()[i] & above) == 0, "no bits are above the window");
 }
 
 // Small, with runs along z here and there that move from frame to frame, or any words.
@@ -62,7 +63,7 @@ struct Receiver {
     expect((assembly.status == AssemblyStatus::kRefused) == (assembly.refusal != Refusal::kNone),
            "a refusal has a reason");
     if (assembly.status != AssemblyStatus::kComplete) {
-      expect(map.words == before.words && map.start_utime == before.start_utime,
+      expect(map.words() == before.words() && map.start_utime == before.start_utime,
              "a map is replaced by a whole one only");
       return false;
     }
@@ -96,7 +97,7 @@ void send(FuzzInput& input, HeaderSource* headers, Receiver* receiver) {
   }
   if (receiver->has_strangers) return;
   expect(whole, "it comes whole");
-  expect(receiver->map.words == sent.words && receiver->map.geometry.size == sent.geometry.size &&
+  expect(receiver->map.words() == sent.words() && receiver->map.geometry.size == sent.geometry.size &&
              receiver->map.geometry.origin == sent.geometry.origin && receiver->map.num_frames == sent.num_frames &&
              receiver->map.frame_duration == sent.frame_duration,
          "it is what was sent");

@@ -51,7 +51,7 @@ TEST(Dilation, EqualsBruteForce) {
         for (int radius_tenths : {0, 7, 10, 14, 15, 20, 30, 37, 50, 90}) {
           dilator.dilate(in, radius_tenths * resolution_m / 10, &out);
           brute_force(in, radius_tenths, &expected);
-          EXPECT_TRUE(out.words == expected.words)
+          EXPECT_TRUE(out.words() == expected.words())
               << "size " << size.transpose() << " density " << density << " resolution " << resolution_m << " radius "
               << radius_tenths << "/10 voxels";
           EXPECT_EQ(out.geometry, in.geometry);
@@ -88,11 +88,6 @@ TEST(Dilation, RadiusLargerThanTheWindowFillsIt) {
   }
 }
 
-Columns random_columns(Rng& rng, const Eigen::Vector2i& size) {
-  const Eigen::Vector2i first(uniform_int(rng, 0, size.x() - 1), uniform_int(rng, 0, size.y() - 1));
-  return {first, {uniform_int(rng, first.x(), size.x() - 1), uniform_int(rng, first.y(), size.y() - 1)}};
-}
-
 // Boxes of the union of whole frames and of parts of others; every stride-th column of it as well.
 TEST(Dilation, BoxesAndSamplesOfSeveralLayersEqualTheWhole) {
   Rng rng(7);
@@ -111,7 +106,7 @@ TEST(Dilation, BoxesAndSamplesOfSeveralLayersEqualTheWhole) {
     all.reset(in.geometry, 1, Utime(), 1us);
     for (int frame = 0; frame < uniform_int(rng, 0, 3); ++frame) {
       layers.push_back(layer_of(in, frame));
-      for (std::size_t i = 0; i < all.words.size(); ++i) all.words[i] |= in.column(frame, 0, 0)[i];
+      for (std::size_t i = 0; i < all.words().size(); ++i) all.words_to_write()[i] |= in.column(frame, 0, 0)[i];
     }
     for (int frame = 0; frame < uniform_int(rng, 0, 2); ++frame) {
       const Columns part = random_columns(rng, size.head<2>());

@@ -129,7 +129,7 @@ class Fixture {
     return map.occupied(map.frame_at(map.start_utime + to_duration(since_s)), map.geometry.voxel_of(point));
   }
   bool empty() const {
-    return std::all_of(out.map.words.begin(), out.map.words.end(), [](std::uint64_t word) { return word == 0; });
+    return std::all_of(out.map.words().begin(), out.map.words().end(), [](std::uint64_t word) { return word == 0; });
   }
 
   Utime now = kStart;
@@ -543,7 +543,7 @@ TEST(MapNode, BadMessagesAreCountedAndChangeNothing) {
   f.run_for(0.1);
   EXPECT_EQ(f.out.maps, 3);
   EXPECT_EQ(f.out.map.geometry, before.geometry);
-  EXPECT_EQ(f.out.map.words, before.words);
+  EXPECT_EQ(f.out.map.words(), before.words());
   f.run_for(0.9);
   for (int i = 0; i < kNumRefusals; ++i) {
     EXPECT_EQ(f.out.status.refused[i], f.node.refused()[static_cast<Refusal>(i)]) << i;

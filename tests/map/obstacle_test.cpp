@@ -366,8 +366,8 @@ TEST(Rasterize, FrameIsTheUnionOfItsHalves) {
       const std::size_t n = static_cast<std::size_t>(whole.geometry.words_per_frame());
       for (int f = 0; f < whole.num_frames; ++f) {
         for (std::size_t i = 0; i < n; ++i) {
-          occupied_words += whole.words[f * n + i] != 0;
-          ASSERT_EQ(whole.words[f * n + i], halves.words[2 * f * n + i] | halves.words[(2 * f + 1) * n + i])
+          occupied_words += whole.words()[f * n + i] != 0;
+          ASSERT_EQ(whole.words()[f * n + i], halves.words()[2 * f * n + i] | halves.words()[(2 * f + 1) * n + i])
               << describe(scene.obstacle.shape) << " velocity " << scene.obstacle.velocity.transpose() << " frame "
               << f;
         }
@@ -375,6 +375,24 @@ TEST(Rasterize, FrameIsTheUnionOfItsHalves) {
     }
   }
   EXPECT_GT(occupied_words, 5000);
+}
+
+// The map knows where it was painted.
+TEST(Rasterize, ResetTakesItAllAway) {
+  Random random(17);
+  int painted = 0;
+  for (Shape::Kind kind : kKinds) {
+    for (int trial = 0; trial < 200; ++trial) {
+      Scene scene = random_scene(kind, trial % 2 == 0, &random);
+      Sogm& sogm = scene.sogm;
+      rasterize(scene.obstacle, scene.margin_m, 0.1, &sogm);
+      const std::vector<std::uint64_t> nothing(sogm.words().size(), 0);
+      painted += sogm.words() != nothing ? 1 : 0;
+      sogm.reset(sogm.geometry, sogm.num_frames, sogm.start_utime, sogm.frame_duration);
+      ASSERT_EQ(sogm.words(), nothing) << describe(scene.obstacle.shape);
+    }
+  }
+  EXPECT_GT(painted, 400);
 }
 
 TEST(Rasterize, KeepsWhatIsThereAndIgnoresTheFarAway) {
@@ -385,11 +403,11 @@ TEST(Rasterize, KeepsWhatIsThereAndIgnoresTheFarAway) {
   scene.sogm.column(1, 2, 3)[0] = 5;
   const Sogm before = scene.sogm;
   rasterize(scene.obstacle, 0.1, 0.0, &scene.sogm);
-  EXPECT_EQ(scene.sogm.words, before.words);
+  EXPECT_EQ(scene.sogm.words(), before.words());
   scene.obstacle.position = {0.25, 0.35, 0.2};
   rasterize(scene.obstacle, 0.1, 0.0, &scene.sogm);
   EXPECT_EQ(scene.sogm.column(1, 2, 3)[0] & 5u, 5u);
-  EXPECT_NE(scene.sogm.words, before.words);
+  EXPECT_NE(scene.sogm.words(), before.words());
 }
 
 }  // namespace

@@ -109,7 +109,7 @@ TEST(RasterizeExactly, WhatStandsIsTheSameInAllFrames) {
     drawing.obstacle.velocity.setZero();
     drawing.obstacle.acceleration_mps2 = drawing.growth_mps = 0.0;
     rasterize(drawing.obstacle, drawing.margin_m, 0.0, &drawing.sogm);
-    const auto begin = drawing.sogm.words.begin();
+    const auto begin = drawing.sogm.words().begin();
     const auto n = static_cast<std::ptrdiff_t>(drawing.sogm.geometry.words_per_frame());
     for (int frame = 1; frame < drawing.sogm.num_frames; ++frame) {
       ASSERT_TRUE(std::equal(begin, begin + n, begin + frame * n)) << "trial " << trial;

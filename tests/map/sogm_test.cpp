@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "tests/support/random_map.h"
 
 namespace swarm {
@@ -23,12 +25,40 @@ TEST(Sogm, FrameAtClampsToFirstAndLast) {
 TEST(Sogm, ResetClearsAndKeepsTheAllocation) {
   Rng rng(7);
   Sogm sogm = random_bits({10, 9, 70}, 4, 0.5, 0.1, rng);
-  const std::uint64_t* before = sogm.words.data();
+  const std::uint64_t* before = sogm.words().data();
   sogm.reset({.resolution_m = 0.2, .origin = {1, 2, 3}, .size = {5, 9, 64}}, 3, to_utime(42), 7us);
-  EXPECT_EQ(sogm.words.data(), before);
-  EXPECT_EQ(sogm.words, std::vector<std::uint64_t>(3u * 5 * 9, 0));
+  EXPECT_EQ(sogm.words().data(), before);
+  EXPECT_EQ(sogm.words(), std::vector<std::uint64_t>(3u * 5 * 9, 0));
   EXPECT_FALSE(sogm.occupied(0, {-1, 0, 0}));
   EXPECT_FALSE(sogm.occupied(2, {4, 8, 64}));
+}
+
+// However it is written to: what reset() does not clear would be there for ever.
+TEST(Sogm, ResetLeavesNothingOfWhatWasWritten) {
+  Rng rng(8);
+  Sogm sogm;
+  for (int trial = 0; trial < 300; ++trial) {
+    const Eigen::Vector3i size(uniform_int(rng, 1, 20), uniform_int(rng, 1, 30),
+                               uniform_int(rng, 0, 1) == 0 ? 40 : 130);
+    const int frames = uniform_int(rng, 1, 4);
+    for (int round = 0; round < 3; ++round) {
+      SCOPED_TRACE(testing::Message() << "trial " << trial << ", round " << round << ", size " << size.transpose());
+      sogm.reset({.resolution_m = 0.1, .origin = {trial, 0, 0}, .size = size}, frames, Utime(), 100ms);
+      const auto frame_words = static_cast<std::size_t>(sogm.geometry.words_per_frame());
+      ASSERT_EQ(sogm.words(), std::vector<std::uint64_t>(static_cast<std::size_t>(frames) * frame_words, 0));
+      for (int i = uniform_int(rng, 0, 5); i > 0; --i) {
+        const int frame = uniform_int(rng, 0, frames - 1);
+        const Columns box = random_columns(rng, size.head<2>());
+        sogm.column(frame, box.first.x(), box.first.y())[sogm.geometry.words_per_column() - 1] |= 1;
+        *sogm.word(frame, static_cast<std::size_t>(uniform_int(rng, 0, static_cast<int>(frame_words) - 1))) |= 2;
+        (void)sogm.columns(frame, box);
+        for (int other = 0; other < frames; ++other)
+          for (int x = box.first.x(); x <= box.last.x(); ++x)
+            for (int y = box.first.y(); y <= box.last.y(); ++y) set_voxel(&sogm, other, {x, y, 3});
+      }
+      if (uniform_int(rng, 0, 9) == 0) std::ranges::fill(sogm.words_to_write(), 1);
+    }
+  }
 }
 
 TEST(Sogm, VoxelsLieOnTheWorldLattice) {

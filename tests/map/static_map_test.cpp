@@ -174,7 +174,7 @@ TEST_F(StaticMapTest, MapWithoutOccupiedSpaceIsEmpty) {
     Sogm sogm;
     sogm.reset({.resolution_m = 0.1, .origin = {-5, -5, -5}, .size = {10, 10, 10}}, 2, Utime(), 100ms);
     map.copy_into(&sogm);
-    EXPECT_EQ(sogm.words, std::vector<std::uint64_t>(200, 0)) << name;
+    EXPECT_EQ(sogm.words(), std::vector<std::uint64_t>(200, 0)) << name;
   }
 }
 

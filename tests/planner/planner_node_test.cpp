@@ -2,6 +2,7 @@
 // message that it hears is tried, good and bad.
 #include "planner_daemon/planner_node.h"
 
+#include <algorithm>
 #include <random>
 
 #include "planner_daemon/coordination/deconfliction.h"
@@ -321,7 +322,7 @@ TEST(PlannerNode, RefusalsAreCountedAndChangeNothing) {
   const Trajectory elsewhere = Trajectory::hover(4, f.now, {0.5, 0.2, 1});
   goal_t goal = to_goal({{{-3, 0, 0}}});
   goal.header = make_header(kRobot, 1, 50, f.now);
-  f.map.words.assign(f.map.words.size(), 0);
+  std::ranges::fill(f.map.words_to_write(), 0);
   f.occupy({0.4, -5, -1}, {0.6, 5, 3});
   const std::vector<sogm_t> wall = f.map_parts();
   ASSERT_EQ(wall.size(), 1u);
@@ -336,7 +337,7 @@ TEST(PlannerNode, RefusalsAreCountedAndChangeNothing) {
   f.deliver(BusId::kOnboard, "OTHER", Bytes(100, 1));
 
   for (Fixture* each : {&f, &untouched}) each->run_for(0.1);
-  f.map.words.assign(f.map.words.size(), 0);
+  std::ranges::fill(f.map.words_to_write(), 0);
   for (Fixture* each : {&f, &untouched}) each->send_map();
   EXPECT_EQ(f.node.plans(), 2);
   EXPECT_EQ(encoded(f.out.newest<candidate_t>(channel::kCandidate)),

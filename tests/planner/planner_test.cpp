@@ -594,9 +594,10 @@ TEST(PlannerTest, SmoothingLowersTheJerkOfTheSearchedPathInsideItsCorridors) {
     (void)space.layers(0, sogm.num_frames - 1, all_columns(sogm.geometry));
     Sogm still;  // occupied in every frame
     still.reset(sogm.geometry, 1, kStart, sogm.frame_duration);
-    for (std::size_t i = 0; i < still.words.size(); ++i) {
-      still.words[i] = ~std::uint64_t{0};
-      for (int frame = 0; frame < sogm.num_frames; ++frame) still.words[i] &= sogm.column(frame, 0, 0)[i];
+    const auto words = still.words_to_write();
+    for (std::size_t i = 0; i < words.size(); ++i) {
+      words[i] = ~std::uint64_t{0};
+      for (int frame = 0; frame < sogm.num_frames; ++frame) words[i] &= sogm.column(frame, 0, 0)[i];
     }
     SearchProblem problem;
     problem.fine = planner.search_problem().fine;  // after a plan that got stuck

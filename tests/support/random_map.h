@@ -83,6 +83,11 @@ inline bool holds(const Columns& columns, int x, int y) {
   return x >= columns.first.x() && x <= columns.last.x() && y >= columns.first.y() && y <= columns.last.y();
 }
 
+inline Columns random_columns(Rng& rng, const Eigen::Vector2i& size) {
+  const Eigen::Vector2i first(uniform_int(rng, 0, size.x() - 1), uniform_int(rng, 0, size.y() - 1));
+  return {first, {uniform_int(rng, first.x(), size.x() - 1), uniform_int(rng, first.y(), size.y() - 1)}};
+}
+
 // Every voxel by itself.
 inline Sogm random_bits(const Eigen::Vector3i& size, int frames, double density, double resolution_m, Rng& rng) {
   Sogm sogm;

@@ -12,7 +12,7 @@ Words union_of(const Sogm& sogm, int first, int last) {
   const auto size = static_cast<std::size_t>(sogm.geometry.words_per_frame());
   Words words(size, 0);
   for (int frame = first; frame <= last; ++frame) {
-    const std::uint64_t* const more = sogm.words.data() + static_cast<std::size_t>(frame) * size;
+    const std::uint64_t* const more = sogm.words().data() + static_cast<std::size_t>(frame) * size;
     for (std::size_t i = 0; i < size; ++i) words[i] |= more[i];
   }
   return words;

@@ -343,7 +343,7 @@ TEST(Perception, ForgetsAllWhenItIsLost) {
 TEST(Perception, IsDeterministic) {
   Looking first, second;
   for (Looking* looking : {&first, &second}) looking->follow({{2.5, -1}, 0.25}, {0, 0.6}, 12, {{{2.6, 0.3}, 0.4}});
-  EXPECT_EQ(first.perception.seen_space().words, second.perception.seen_space().words);
+  EXPECT_EQ(first.perception.seen_space().words(), second.perception.seen_space().words());
   std::vector<std::uint8_t> one, other;
   encode(first.perception.report(), &one);
   encode(second.perception.report(), &other);

@@ -34,9 +34,10 @@ void mark_column(Sogm* sogm, double x, double y, int first = 0, int last = 99) {
 Sogm standing_of(const Sogm& sogm) {
   Sogm standing = sogm;
   standing.reset(sogm.geometry, 1, sogm.start_utime, sogm.frame_duration);
-  for (std::size_t i = 0; i < standing.words.size(); ++i) {
-    standing.words[i] = ~std::uint64_t{0};
-    for (int frame = 0; frame < sogm.num_frames; ++frame) standing.words[i] &= sogm.column(frame, 0, 0)[i];
+  const auto words = standing.words_to_write();
+  for (std::size_t i = 0; i < words.size(); ++i) {
+    words[i] = ~std::uint64_t{0};
+    for (int frame = 0; frame < sogm.num_frames; ++frame) words[i] &= sogm.column(frame, 0, 0)[i];
   }
   return standing;
 }
@@ -144,7 +145,7 @@ TEST(GlobalMapTest, LearnsOfWhatWasSeen) {
       if (was_seen(sogm.geometry.center_of({x, y, 0}))) set_run(0, 99, sogm.geometry.size.z(), seen.column(0, x, y));
     });
     Sogm standing = standing_of(sogm);
-    for (std::size_t i = 0; i < standing.words.size(); ++i) standing.words[i] &= seen.words[i];
+    for (std::size_t i = 0; i < standing.words().size(); ++i) standing.words_to_write()[i] &= seen.words()[i];
     return map.see(sogm, standing, &seen, kHere, kBlocked_m);
   };
   EXPECT_TRUE(see_where([](const Vector3d& place) { return place.x() < 0.0; }));

@@ -136,7 +136,7 @@ TEST_F(ConfigurationSpaceTest, EqualTheirDefinitionWhereLookedAt) {
           for (int z = 0; z < sogm.geometry.size.z(); ++z) {
             if (!blocked.occupied(f, {x, y, z})) continue;
             ++severities;
-            const auto word = static_cast<std::size_t>(found.column(f, x, y) + (z >> 6) - found.words.data());
+            const auto word = static_cast<std::size_t>(found.column(f, x, y) + (z >> 6) - found.words().data());
             EXPECT_EQ(space.severity(word, std::uint64_t{1} << (z & 63)), severity(f, {x, y, z}))
                 << f << ": " << x << ' ' << y << ' ' << z;
           }

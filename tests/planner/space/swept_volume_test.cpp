@@ -172,7 +172,7 @@ TEST(SweptVolumeTest, KeepsOffFarWindowsAndHoldsSeveralMotions) {
   SweptVolumes volumes;
   volumes.lay_out(sogm);
   volumes.add({Trajectory::hover(1, kStart, {-5, 0, 50}), {}}, 0.3, 0us, everywhere(sogm));
-  EXPECT_EQ(drawn(volumes, sogm).words, sogm.words);
+  EXPECT_EQ(drawn(volumes, sogm).words(), sogm.words());
   volumes.add({Trajectory::hover(1, kStart, {0.85, 0.85, 0.85}), {}}, 0.1, 0us, everywhere(sogm));
   volumes.add({Trajectory::hover(1, kStart, {0.25, 0.35, 0.45}), {}}, 0.1, 0us, everywhere(sogm));
   EXPECT_TRUE(drawn(volumes, sogm).occupied(1, {2, 3, 4}));
@@ -182,7 +182,7 @@ TEST(SweptVolumeTest, KeepsOffFarWindowsAndHoldsSeveralMotions) {
   EXPECT_FALSE(layers.empty());
   for (const Layer& layer : layers) EXPECT_LE(layer.columns.last.maxCoeff(), 4) << "the other one is elsewhere";
   volumes.lay_out(sogm);
-  EXPECT_EQ(drawn(volumes, sogm).words, sogm.words);
+  EXPECT_EQ(drawn(volumes, sogm).words(), sogm.words());
 }
 
 TEST(SweptVolumeTest, KeepsToTheBounds) {

@@ -140,7 +140,7 @@ TEST(Walls, WhatIsSeenIsAWallWithoutAFile) {
   walls.set_resolution(0.1);
   for (int look = 0; look < 3; ++look) {
     Scene scene{{}, 0.1};
-    std::ranges::fill(seen.words, 0);
+    std::ranges::fill(seen.words_to_write(), 0);
     for (int i = 0; i < 40; ++i) {
       const Vector3d at = in_box(rng, {-1.5, -1.5, -0.9}, {1.5, 1.5, 0.9});
       const Vector3i voxel = seen.geometry.voxel_of(at);
