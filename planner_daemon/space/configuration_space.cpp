@@ -95,22 +95,22 @@ void ConfigurationSpace::add_peers(const std::vector<Peer>& peers, const Reachab
 
 Occupancy ConfigurationSpace::compose_standing(const std::vector<Peer>& peers) {
   const Sogm& sogm = *occupancy_.sogm;
-  lay_out(sogm, 1, &standing_);
-  standing_.frame_duration = sogm.num_frames * sogm.frame_duration;
-  const auto n = static_cast<std::size_t>(sogm.geometry.words_per_frame());
+  standing_.reset(sogm.geometry, 1, sogm.start_utime, sogm.num_frames * sogm.frame_duration);
   const std::uint64_t *first = sogm.column(0, 0, 0), *last = sogm.column(sogm.num_frames - 1, 0, 0);
-  const std::span<std::uint64_t> standing = standing_.words_to_write();
   standing_words_.clear();  // little is left of the first and the last frame together
-  for (std::size_t i = 0; i < n; ++i) {
-    standing[i] = first[i] & last[i];
-    if (standing[i] != 0) standing_words_.push_back(i);
-  }
+  sogm.for_each_used_run([&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      if ((first[i] & last[i]) == 0) continue;
+      *standing_.word(0, i) = first[i] & last[i];
+      standing_words_.push_back(i);
+    }
+  });
   for (int frame = 1; frame + 1 < sogm.num_frames; ++frame) {
     const std::uint64_t* words = sogm.column(frame, 0, 0);
-    for (const std::size_t i : standing_words_) standing[i] &= words[i];
+    for (const std::size_t i : standing_words_) *standing_.word(0, i) &= words[i];
   }
   if (!sees_all_)
-    for (const std::size_t i : standing_words_) standing[i] &= seen_.words()[i];
+    for (const std::size_t i : standing_words_) *standing_.word(0, i) &= seen_.words()[i];
   const Columns all = all_columns(sogm.geometry);
   standing_peers_.lay_out(standing_);
   for (const Peer& peer : peers) {

@@ -18,12 +18,14 @@ bool touches(const Sogm& sogm, int frame, const Eigen::Vector3d& place, double r
   const Eigen::Vector2i low = (at.head<2>().array() - radius).ceil().cast<int>().cwiseMax(0);
   const Eigen::Vector2i high =
       (at.head<2>().array() + radius).floor().cast<int>().cwiseMin(grid.size.head<2>().array() - 1);
+  const int words = grid.words_per_column();
   std::uint64_t any = 0;
   for (int x = low.x(); x <= high.x(); ++x) {
     for (int y = low.y(); y <= high.y(); ++y) {
+      const std::uint64_t* column = sogm.column(frame, x, y);
+      if (std::all_of(column, column + words, [](std::uint64_t word) { return word == 0; })) continue;
       const double high2 = radius * radius - (x - at.x()) * (x - at.x()) - (y - at.y()) * (y - at.y());
       if (high2 < 0.0) continue;
-      const std::uint64_t* column = sogm.column(frame, x, y);
       for_each_word_of_run(at.z() - std::sqrt(high2), at.z() + std::sqrt(high2), grid.size.z(),
                            [&](int word, std::uint64_t bits) { any |= column[word] & bits; });
     }
