@@ -182,13 +182,27 @@ class Painter {
     for (int x = first.x(); x <= last.x(); ++x) {
       int begin = first.y(), end = last.y();
       if (core_.kind == Shape::Kind::kRing) clip_to_ring(sweep, x, &begin, &end);
-      if (begin <= end) sogm_.columns(first_frame, {{x, begin}, {x, end}});
+      if (begin <= end) touch(x, begin, end);
       while ((begin = cells_.add(x, begin, end + 1)) <= end) paint_cells(sweep, first_frame, last_frame);
     }
     paint_cells(sweep, first_frame, last_frame);
   }
 
  private:
+  static constexpr std::size_t kRows = 128;  // that are remembered
+  static constexpr int kAhead = 4;           // columns touched beyond a sweep
+  struct Row {
+    int x = -1, begin = 0, end = 0;  // touched columns
+  };
+
+  // Sweeps follow each other closely: most lie within what was touched for those before.
+  void touch(int x, int begin, int end) {
+    Row& row = rows_[static_cast<std::size_t>(x) % rows_.size()];
+    if (row.x == x && row.begin <= begin && row.end >= end) return;
+    row = {x, std::max(begin - kAhead, 0), std::min(end + kAhead, sogm_.geometry.size.y() - 1)};
+    sogm_.columns(0, {{x, row.begin}, {x, row.end}});
+  }
+
   // A ring is thin along its axis: of a row, only columns with |cos dx + sin dy| <= reach can meet it.
   void clip_to_ring(const Sweep& sweep, int x, int* begin, int* end) const {
     if (std::abs(core_.sin_yaw) < 1e-3) return;
@@ -233,6 +247,7 @@ class Painter {
   const Core& core_;
   Sogm& sogm_;
   double cot_yaw_, inverse_sin_;
+  std::array<Row, kRows> rows_;
   Cells cells_;
 };
 
