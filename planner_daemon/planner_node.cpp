@@ -81,6 +81,9 @@ void declare(OptionSet& options, PlannerNodeConfig& config) {
   options.add("calm-period", &config.calm_period_s, 0, 10, "s",
               "the same, while nothing comes into the way of what is flown and the goal stays");
   options.add("stale-map", &config.stale_map_s, 0.05, 10, "s", "an older map is not planned with");
+  options.add("forget-peers-after", &config.forget_peers_after_s, 0, 1e6, "s",
+              "a peer that was not heard for so long has flown elsewhere, as robots in cells do; 0: it is where it was "
+              "bound to be");
   options.add(
       "clock-error", &planner.space.clock_error_s, 0, 1, "s",
       "clocks of two robots differ by at most this: peers are avoided as if they came so much earlier or later");
@@ -339,7 +342,22 @@ Utime PlannerNode::start_utime(Utime now, bool is_slow) {
   return *urgent_start_;
 }
 
+void PlannerNode::forget_peers(Utime now) {
+  if (config_.forget_peers_after_s == 0.0) return;
+  for (auto entry = peers_.begin(); entry != peers_.end();) {
+    if (now - entry->second.heard < to_duration(config_.forget_peers_after_s)) {
+      ++entry;
+      continue;
+    }
+    const std::size_t place = entry->second.place;
+    peer_list_.erase(peer_list_.begin() + static_cast<std::ptrdiff_t>(place));
+    entry = peers_.erase(entry);
+    for (auto& other : peers_) other.second.place -= other.second.place > place ? 1 : 0;
+  }
+}
+
 void PlannerNode::plan(Utime now, Outbox& outbox) {
+  forget_peers(now);
   if (planned_ && planned_->took_s > delay_of(planned_->is_slow).lead_s()) {  // it came too late to be announced
     delay_of(planned_->is_slow).took(planned_->took_s);
     planned_.reset();

@@ -25,11 +25,12 @@ namespace swarm {
 struct PlannerNodeConfig {
   int robot_id = 0;
   PlannerConfig planner;
-  double lead_s = 0.025;       // from the start of planning to the announcement, until that was measured
-  double period_s = 0.04;      // least time between plans
-  double calm_period_s = 0.1;  // the same, while nothing asks for one
-  double stale_map_s = 0.35;   // an older SOGM is not planned with
-  double clock_limit_s = 0.1;  // messages from further in the future are refused
+  double lead_s = 0.025;              // from the start of planning to the announcement, until that was measured
+  double period_s = 0.04;             // least time between plans
+  double calm_period_s = 0.1;         // the same, while nothing asks for one
+  double stale_map_s = 0.35;          // an older SOGM is not planned with
+  double forget_peers_after_s = 0.0;  // who was not heard for so long is not there any more; 0: he is
+  double clock_limit_s = 0.1;         // messages from further in the future are refused
 };
 
 void declare(OptionSet& options, PlannerNodeConfig& config);
@@ -71,6 +72,7 @@ class PlannerNode : public Node {
   Utime start_utime(Utime now, bool is_slow);  // of the next plan
   PlanDelay& delay_of(bool is_slow) { return plan_delays_[is_slow ? 1 : 0]; }
   void plan(Utime now, Outbox& outbox);
+  void forget_peers(Utime now);
   void publish_corridors(Utime now, Outbox& outbox);
   bool is_stale(Utime now) const;                                                          // the map
   bool is_led() const { return flight_.led_to != sogm_swarm::flight_status_t::kNowhere; }  // by this planner

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <string_view>
 #include <vector>
 
 #include "lcmtypes/bus/message_list.h"
@@ -29,6 +30,12 @@ inline constexpr Channel kChannels[] = {SWARM_MESSAGES(SWARM_CHANNELS_OF)};
 #undef SWARM_ON
 
 #undef SWARM_CHANNELS_OF
+
+// A channel's name without its cell, if it has one; see channel_of() of cell_messages.h.
+inline constexpr std::string_view kCellPrefix = "_at_";
+inline std::string_view kind_of(std::string_view channel) {
+  return channel.substr(0, channel.find(kCellPrefix));
+}
 
 // Names of all channels of a bus.
 inline std::vector<const char*> channels_of(BusId bus) {

@@ -5,6 +5,8 @@
 
 #include "lcmtypes/bus/time.h"
 #include "sogm_swarm/announcement_t.hpp"
+#include "sogm_swarm/cell_announcement_t.hpp"
+#include "sogm_swarm/cell_roster_t.hpp"
 #include "sogm_swarm/corridors_t.hpp"
 #include "sogm_swarm/depth_image_t.hpp"
 #include "sogm_swarm/goal_t.hpp"
@@ -66,6 +68,8 @@ inline constexpr Duration kMaxMotion = 10s;  // it ends: so long may a robot fly
 
 static_assert(sogm_swarm::depth_image_t::kMaxSensors == kMaxSensors, "sensors of both kinds are counted together");
 static_assert(sogm_swarm::last_words_t::kMaxBytes == kMaxPackedBytes, "the same announcements");
+static_assert(sogm_swarm::cell_announcement_t::kMaxBytes == kMaxPackedBytes, "the same frame");
+static_assert(sogm_swarm::cell_roster_t::kMaxBytes == kMaxPackedBytes, "the same frame");
 static_assert(kMaxParts * kMaxPartBytes <= kMaxCompressedMapBytes, "what parts can carry may be said");
 static_assert(kMaxVoxelsPerFrame / 8 <= kMaxMapBytes, "a frame fits a map");
 static_assert(sizeof(sogm_swarm::trajectory_t::knots) / sizeof(sogm_swarm::trajectory_t::knots[0]) ==

@@ -37,4 +37,10 @@
   MESSAGE(broadcast_status_t, SWARM_ON(kBroadcastStatus, "BROADCAST_STATUS", kOnboard))                               \
   MESSAGE(packed_announcement_t, SWARM_ON(kAnnouncement, "ANNOUNCEMENT", kSwarm),                                     \
           SWARM_ARRAY(num_bytes, packed, 1, kMaxPackedBytes))                                                         \
-  MESSAGE(last_words_t, SWARM_ON(kLastWords, "LAST_WORDS", kSwarm), SWARM_ARRAY(num_bytes, packed, 1, kMaxPackedBytes))
+  MESSAGE(last_words_t, SWARM_ON(kLastWords, "LAST_WORDS", kSwarm),                                                   \
+          SWARM_ARRAY(num_bytes, packed, 1, kMaxPackedBytes))                                                         \
+  MESSAGE(cell_announcement_t,                                                                                        \
+          SWARM_ON(kCellAnnouncement, "CELL_ANNOUNCEMENT", kSwarm), /* and the cell: channel_of() */                  \
+          SWARM_ARRAY(num_bytes, packed, 1, kMaxPackedBytes))                                                         \
+  MESSAGE(cell_roster_t, SWARM_ON(kCellRoster, "CELL_ROSTER", kSwarm), /* likewise */                                 \
+          SWARM_ARRAY(num_bytes, packed, 1, kMaxPackedBytes))

@@ -48,10 +48,11 @@ SWARM_MESSAGES(SWARM_TRAITS)
 #undef SWARM_ARRAY
 #undef SWARM_ON
 
-// Whether messages of type T are what the channel of this name carries.
+// Whether messages of type T are what the channel of this name carries; the channels of cells are of one kind.
 template <class T>
 bool is_carried_by(std::string_view channel) {
-  return std::ranges::any_of(MessageTraits<T>::kChannels, [=](const Channel& own) { return channel == own.name; });
+  const std::string_view kind = kind_of(channel);
+  return std::ranges::any_of(MessageTraits<T>::kChannels, [=](const Channel& own) { return kind == own.name; });
 }
 
 template <class Nothing, class... T>

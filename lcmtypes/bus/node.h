@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <span>
+#include <stdexcept>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -40,9 +41,18 @@ class Outbox {
   // Sends bytes as they are (relays).
   virtual void publish_bytes(BusId bus, std::string_view channel, std::span<const std::uint8_t> bytes) = 0;
 
+  // From now on the node hears this channel as well, or no more; its subscriptions() stay. For nodes that move from
+  // cell to cell. Throws std::logic_error where the host has no such nodes.
+  virtual void listen(BusId bus, std::string_view channel, bool listens);
+
  private:
   std::vector<std::uint8_t> buffer_;
 };
+
+inline void Outbox::listen(BusId, std::string_view channel, bool) {
+  throw std::logic_error("this host's nodes hear the same channels all the time, not now and then " +
+                         std::string(channel));
+}
 
 // Single-threaded; never blocks, sleeps or throws in on_message and step.
 class Node {

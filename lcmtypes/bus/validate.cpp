@@ -125,6 +125,14 @@ Refusal validate(const packed_announcement_t& m) {
   return verdict(m.num_bytes >= 1);
 }
 
+Refusal validate(const cell_announcement_t& m) {
+  return verdict(m.num_bytes >= 1);
+}
+
+Refusal validate(const cell_roster_t& m) {
+  return verdict(m.num_bytes >= 1);
+}
+
 Refusal validate(const last_words_t& m) {
   return verdict(m.robot_id >= 0 && m.boot >= 0 && m.seq >= 0 && utime_ok(m.utime) && m.num_bytes >= 1);
 }

@@ -14,6 +14,8 @@
 #include "lcmtypes/bus/channels.h"
 #include "lcmtypes/bus/packed_announcement.h"
 #include "lcmtypes/bus/portable_math.h"
+#include "lcmtypes/bus/text.h"
+#include "planner_daemon/coordination/cell.h"
 
 namespace swarm {
 namespace {
@@ -22,7 +24,6 @@ using sogm_swarm::announcement_t;
 using sogm_swarm::broadcast_status_t;
 using sogm_swarm::flight_status_t;
 
-constexpr Duration kMaxAge = 1s;  // of messages from peers and planner
 constexpr Duration kStatusPeriod = 1s;
 constexpr Duration kLegPeriod = 200ms;  // between proposals of the way up or down
 constexpr Duration kClockDoubt = 1s;
@@ -34,6 +35,7 @@ constexpr Duration kVotePeriod = 100ms;
 constexpr Duration kWordsPeriod = 500ms;    // and fifty times as seldom as announcements may come
 constexpr Duration kStrangerPeriod = 20ms;  // at most so often the planner is told of one
 constexpr int kMostJudged = 4;              // peers at once: far less time than between two setpoints
+constexpr double kLeastCell_m = 1.0;        // smaller ones are so many that no announcement holds them
 constexpr double kTurns_mps = 0.3;          // faster, a robot looks where it flies
 constexpr double kTurns_m = 0.05;           // else to where its motion ends, where that is farther
 constexpr double kHere_m = 0.02;            // a robot that stands is where it is bound to be
@@ -67,11 +69,25 @@ Duration scattered(Duration gap, const sogm_swarm::header_t& header) {
   return gap / 2 + gap * static_cast<std::int64_t>(number * 0x9E3779B97F4A7C15u >> 54) / 1024;
 }
 
+CommitProtocol::Rules rules_of(const BroadcastConfig& config, std::int32_t boot) {
+  return {config.robot_id, boot, config.roster, config.radius_m, config.separation_m, config.clock_error_s};
+}
+
+std::optional<CellProtocol> in_cells(const BroadcastConfig& config, std::int32_t boot) {
+  if (config.cell_m == 0.0) return std::nullopt;
+  const auto cells_of = [edge_m = config.cell_m](const Motion& motion, Utime from, double reach_m) {
+    return cells_touched(motion, from, reach_m, edge_m);
+  };
+  return CellProtocol({rules_of(config, boot), cells_of});
+}
+
 }  // namespace
 
 void declare(OptionSet& options, BroadcastConfig& config) {
   options.add("robot-id", &config.robot_id, 0, 32767, "", "this robot");
   options.add("roster", &config.roster, 0, 32767, "ids of all robots that fly; this one may be among them");
+  options.add("cells", &config.cell_m, 0, 1000, "m",
+              "flies in cells with edges of this, each with a keeper, and by no roster; 0: by the roster");
   options.add("radius", &config.radius_m, 0.01, 10, "m", "of the sphere that holds the robot");
   declare(options, config.limits);
   options.add("separation", &config.separation_m, 0, 10, "m", "kept between the surfaces of committed motions");
@@ -80,7 +96,7 @@ void declare(OptionSet& options, BroadcastConfig& config) {
   options.add("lively-period", &config.lively_s, 0.005, 10, "s",
               "repetition right after news, as long as peers wait for them: they may get lost");
   options.add("swarm-rate", &config.swarm_rate_hz, 1, 100'000, "Hz",
-              "announcements of all robots of the roster together, at most");
+              "announcements of all robots of the roster together, in cells of the robot and its peers, at most");
   options.add("give-up-after", &config.give_up_after_s, 0, 1e6, "s",
               "a peer that was not heard for so long, 10 s after the start one that was never heard: once the majority "
               "of robots did not hear it, the others go on around it; 0: they wait for it for ever");
@@ -118,6 +134,11 @@ void verify(const BroadcastConfig& config) {
   }
   if (config.flight.battery_land > config.flight.battery_home)
     throw OptionError("--battery-land: must be at most --battery-home");
+  if (config.cell_m > 0.0 && !config.roster.empty())
+    throw OptionError("--cells: who flies in cells must have no --roster");
+  if (config.cell_m > 0.0 && config.cell_m < kLeastCell_m)
+    throw OptionError("--cells: " + text_of(config.cell_m) + " m; must be at least " + text_of(kLeastCell_m) +
+                      " m, or 0");
   std::set<int> robots(config.roster.begin(), config.roster.end());
   robots.insert(config.robot_id);
   if (std::ssize(robots) > kMaxRosterRobots) {
@@ -137,8 +158,9 @@ BroadcastNode::BroadcastNode(const BroadcastConfig& config, PromiseStore& store,
       status_headers_(config.robot_id, kept_.boot),
       flight_headers_(config.robot_id, kept_.boot),
       promise_headers_(config.robot_id, kept_.boot),
-      protocol_(
-          {config.robot_id, kept_.boot, config.roster, config.radius_m, config.separation_m, config.clock_error_s}),
+      cells_(in_cells(config, kept_.boot)),
+      by_roster_(rules_of(config, kept_.boot)),
+      protocol_(cells_ ? cells_->robot() : by_roster_),
       identity_(config.robot_id, kept_.boot, static_cast<int>(protocol_.peers().size())),
       tracking_(config.error_bound_m, config.off_course_m),
       flight_(config.flight, config.limits, kept_.flight) {
@@ -151,17 +173,24 @@ BroadcastNode::BroadcastNode(const BroadcastConfig& config, PromiseStore& store,
 }
 
 std::vector<Subscription> BroadcastNode::subscriptions() const {
-  return {{BusId::kOnboard, channel::kRobotState},    {BusId::kOnboard, channel::kCandidate},
-          {BusId::kOnboard, channel::kOwnTrajectory}, {BusId::kOnboard, channel::kFlightOrder},
-          {BusId::kOnboard, channel::kVehicleStatus}, {BusId::kSwarm, channel::kAnnouncement},
-          {BusId::kSwarm, channel::kLastWords}};
+  std::vector<Subscription> subscriptions = {{BusId::kOnboard, channel::kRobotState},
+                                             {BusId::kOnboard, channel::kCandidate},
+                                             {BusId::kOnboard, channel::kOwnTrajectory},
+                                             {BusId::kOnboard, channel::kFlightOrder},
+                                             {BusId::kOnboard, channel::kVehicleStatus}};
+  if (cells_) return subscriptions;  // on the swarm bus see listen_in_cells()
+  for (const char* channel : {channel::kAnnouncement, channel::kLastWords})
+    subscriptions.push_back({BusId::kSwarm, channel});
+  return subscriptions;
 }
 
 void BroadcastNode::on_message(Utime now, BusId bus, std::string_view channel, std::span<const std::uint8_t> bytes,
                                Outbox&) {
   Refusal refusal = Refusal::kNone;
   if (bus == BusId::kSwarm) {
-    refusal = channel == channel::kLastWords ? on_last_words(now, bytes) : on_peer(now, bytes);
+    refusal = channel == channel::kLastWords             ? on_last_words(now, bytes)
+              : kind_of(channel) == channel::kCellRoster ? on_cell_roster(now, bytes)
+                                                         : on_peer(now, bytes);
   } else if (channel == channel::kRobotState) {
     refusal = on_state(now, bytes);
   } else if (channel == channel::kCandidate) {
@@ -208,8 +237,8 @@ Refusal BroadcastNode::on_state(Utime now, std::span<const std::uint8_t> bytes) 
   if (is_of_another_time || (first.at(now).position - position).norm() > kResume_m) {
     first = {Trajectory::hover(first.seq() + 1, now, position), {}};
   }
-  protocol_.start(first, kept_.forced_seq);
-  keep(now, protocol_.promise());
+  cells_ ? cells_->start(first, kept_.forced_seq, kept_.cells) : protocol_.start(first, kept_.forced_seq);
+  keep_promise(now);
   yaw_rad_ = state.yaw;
   return Refusal::kNone;
 }
@@ -232,7 +261,7 @@ Refusal BroadcastNode::on_order(Utime now, std::span<const std::uint8_t> bytes) 
 }
 
 bool BroadcastNode::go_on_without(Utime now, int id) {
-  if (!links_.contains(id)) return false;
+  if (cells_ || !links_.contains(id)) return false;  // in cells it is for their keepers
   if (protocol_.give_up(id, keeper(now)))
     spdlog::warn("robot {} gives robot {} up: by the operator's word", config_.robot_id, id);
   return protocol_.peers().at(id).is_voted_out();
@@ -258,14 +287,14 @@ void BroadcastNode::fly(Utime now) {
   const bool rests_here = is_here(now) && is_here(motion()->end_utime());
   if (flight_.take_rests_here() && !rests_here) {
     protocol_.force(Trajectory::hover(1, now, measured_.position));
-    keep(now, protocol_.promise());
+    keep_promise(now);
     tracking_.back_on_course();
   }
   if (now < leg_.due(now, kLegPeriod) || !protocol_.pending().empty()) return;
   const std::optional<Trajectory> leg = flight_.next_leg(now, *motion());
   if (!leg) return;
   leg_.done(now);
-  if (!identity_.has_twin(now)) (void)protocol_.propose(now, *leg);
+  if (!identity_.has_twin(now)) (void)propose(now, *leg);
 }
 
 void BroadcastNode::track(Utime now, const sogm_swarm::robot_state_t& state) {
@@ -279,18 +308,35 @@ void BroadcastNode::track(Utime now, const sogm_swarm::robot_state_t& state) {
     spdlog::warn("off course: the robot is {:.2f} m from its motion; it goes on from where it is",
                  tracking_.newest_m());
   protocol_.force(Trajectory::braking(1, utime, position, velocity, config_.limits));
-  keep(now, protocol_.promise());
+  keep_promise(now);
   tracking_.back_on_course();
 }
 
-bool BroadcastNode::keep(Utime now, announcement_t promise) {
-  promise.header = promise_headers_.next(now);
-  store_fails_ = !store_.save(promise_bytes(promise, flight_.status()));
+bool BroadcastNode::keep(Utime now, CellAnnouncement promise) {
+  promise.robot.header = promise_headers_.next(now);
+  promise.acks.clear();  // in cells they are void after a restart
+  const std::vector<std::uint8_t> bytes = promise_bytes(std::move(promise), flight_.status());
+  store_fails_ = bytes.empty() || !store_.save(bytes);
   return !store_fails_;
 }
 
+void BroadcastNode::keep_promise(Utime now) {
+  keep(now, cells_ ? cells_->state() : CellAnnouncement{protocol_.promise(), {}, {}});
+}
+
 CommitProtocol::Keep BroadcastNode::keeper(Utime now) {
-  return [this, now](const announcement_t& promise) { return keep(now, promise); };
+  return [this, now](const announcement_t& promise) { return keep(now, {promise, {}, {}}); };
+}
+
+CellProtocol::Keep BroadcastNode::keeper_in_cells(Utime now) {
+  return [this, now](const CellAnnouncement& promise) { return keep(now, promise); };
+}
+
+Rejection BroadcastNode::propose(Utime now, const Trajectory& candidate, bool urgent) {
+  if (!cells_) return protocol_.propose(now, candidate, urgent);
+  const Rejection rejection = cells_->propose(now, candidate, keeper_in_cells(now), urgent);
+  follow_peers();
+  return rejection;
 }
 
 Refusal BroadcastNode::on_candidate(Utime now, std::span<const std::uint8_t> bytes) {
@@ -305,7 +351,7 @@ Refusal BroadcastNode::on_candidate(Utime now, std::span<const std::uint8_t> byt
   Rejection rejection = !flight_.is_led_by_planner() ? Rejection::kNotLed
                         : identity_.has_twin(now)    ? Rejection::kTwin
                                                      : examine(now, candidate);
-  if (rejection == Rejection::kNone) rejection = protocol_.propose(now, candidate, message.urgent != 0);
+  if (rejection == Rejection::kNone) rejection = propose(now, candidate, message.urgent != 0);
   ++rejected_[static_cast<std::size_t>(rejection)];
   if (in_vain_.count++ == 0) in_vain_.first = now;
   in_vain_.newest = now;
@@ -339,20 +385,26 @@ Rejection BroadcastNode::examine(Utime now, const Trajectory& candidate) const {
 
 // Only what costs little: what it means is for judge_peers().
 Refusal BroadcastNode::on_peer(Utime now, std::span<const std::uint8_t> bytes) {
-  announcement_t message;
+  CellAnnouncement said;
+  announcement_t& message = said.robot;
   // Its time comes last: a clock is not doubted for what was recorded and is played again.
   const auto from_peer = [this](const announcement_t& m) {
-    if (!protocol_.is_of_roster(m)) return Refusal::kRobot;
+    if (!cells_ && !protocol_.is_of_roster(m)) return Refusal::kRobot;
     if (!links_.at(m.header.robot_id).gate.is_newer(m.header)) return Refusal::kSequence;
     return ends_in_time(m) ? Refusal::kNone : Refusal::kInconsistent;
   };
   const auto in_order = [this](const announcement_t& m) { return links_.at(m.header.robot_id).gate.pass(m.header); };
   const TimeWindow lately{now, kMaxAge, to_duration(config_.clock_error_s)};
-  Refusal refusal = decode_packed(bytes, &message);
-  if (refusal != Refusal::kNone) return refusal;
-  refusal = admit(message, from_peer, lately, in_order);
+  Refusal refusal = cells_ ? read_in_cells(bytes, &said) : decode_packed(bytes, &message);
+  if (refusal == Refusal::kNone) {
+    refusal = admit(message, from_peer, lately, in_order);
+  } else if (!cells_ || (refusal != Refusal::kRobot && refusal != Refusal::kSequence)) {
+    return refusal;
+  }
   if (refusal == Refusal::kRobot && message.header.robot_id == config_.robot_id)  // multicast returns our own
     return identity_.is_of_twin(now, BusId::kSwarm, message.header) ? Refusal::kRobot : Refusal::kNone;
+  // Others fly in its cells than its peers, and what is said in several of them comes as often.
+  if (cells_ && (refusal == Refusal::kRobot || refusal == Refusal::kSequence)) return Refusal::kNone;
   if (refusal == Refusal::kRobot) return on_stranger(now, &message);
   if (refusal == Refusal::kTime) on_other_time(now, &message);
   if (refusal != Refusal::kNone) return refusal;
@@ -365,12 +417,12 @@ Refusal BroadcastNode::on_peer(Utime now, std::span<const std::uint8_t> bytes) {
   }
   link.heard = now;
   link.clock.heard(now, to_utime(message.header.utime));
-  if (told_about(message.header) == config_.robot_id && message.least_delay_us != announcement_t::kUnknown)
+  if (told_about(said) == config_.robot_id && message.least_delay_us != announcement_t::kUnknown)
     link.clock.told(Duration(message.least_delay_us));
   if (link.clock.beyond(to_duration(config_.clock_error_s))) doubt_clock_of(id, now, -*link.clock.offset());
   link.boot = message.header.boot;
   link.seq = message.header.seq;
-  link.newest = std::move(message);
+  link.newest = std::move(said);
   link.waits = true;
   link.is_of_other_time = false;
   return Refusal::kNone;
@@ -408,7 +460,7 @@ void BroadcastNode::on_other_time(Utime now, announcement_t* message) {
   Link& link = links_.at(id);
   if (!is_by_other_clock || link.other_time.pass(message->header) != Refusal::kNone) return;
   shift(age, message);
-  link.newest = std::move(*message);
+  link.newest = {std::move(*message), {}, {}};
   link.waits = true;
   link.is_of_other_time = true;
 }
@@ -463,7 +515,7 @@ void BroadcastNode::give_up(Utime now) {
   stepped_ = now;
   if (protocol_.is_given_up() && !identity_.has_twin(now) && identity_.start_anew(now)) {
     set_boot(identity_.boot());
-    keep(now, protocol_.promise());
+    keep_promise(now);
   }
   if (now < vote_.due(now, kVotePeriod)) return;
   vote_.done(now);
@@ -510,16 +562,16 @@ void BroadcastNode::judge_peers(Utime now, Outbox& outbox) {
     if (judge_due(now, link) > now) return;
     link.may_be_judged = std::clamp(link.may_be_judged, now - gap_ / 2, now) + gap_ / 2;
     if (!link.is_of_other_time) {
-      protocol_.receive(now, link.newest, keeper(now));
-      if (is_known(link.newest)) link.last_words = link.newest;
+      cells_ ? cells_->receive(now, link.newest) : protocol_.receive(now, link.newest.robot, keeper(now));
+      if (is_known(link.newest.robot)) link.last_words = link.newest.robot;
     }
-    shift(offered_step_, &link.newest);
-    outbox.publish(BusId::kOnboard, channel::kPeerTrajectory, link.newest);
+    shift(offered_step_, &link.newest.robot);
+    outbox.publish(BusId::kOnboard, channel::kPeerTrajectory, link.newest.robot);
     link.waits = false;
     if (link.is_of_other_time) continue;
     if (identity_.outdo(now, protocol_.peers().at(id).our_boot, protocol_.commits() > 0)) {
       set_boot(identity_.boot());
-      if (motion()) keep(now, protocol_.promise());
+      if (motion()) keep_promise(now);
     }
   }
 }
@@ -540,8 +592,11 @@ Refusal BroadcastNode::on_own(Utime now, std::span<const std::uint8_t> bytes) {
   return Refusal::kRobot;
 }
 
-int BroadcastNode::told_about(const sogm_swarm::header_t& header) const {
-  return places_[static_cast<std::size_t>(header.seq) % places_.size()];
+int BroadcastNode::told_about(const CellAnnouncement& message) const {
+  const auto seq = static_cast<std::size_t>(message.robot.header.seq);
+  if (!cells_) return places_[seq % places_.size()];
+  if (message.acks.empty()) return -1;
+  return std::next(message.acks.begin(), static_cast<std::ptrdiff_t>(seq % message.acks.size()))->first;
 }
 
 // For a while, and at least as long as the peer moves; but not of one that was given up meanwhile.
@@ -576,8 +631,8 @@ bool BroadcastNode::on_clock_step(Utime now, Duration step) {
   clock_set_until_ = then + kMaxMotion;
   doubt_ = {};
   in_vain_ = {};
-  protocol_.set_clock(then, step);
-  if (motion()) keep(then, protocol_.promise());
+  cells_ ? cells_->set_clock(then, step) : protocol_.set_clock(then, step);
+  if (motion()) keep_promise(then);
   return true;
 }
 
@@ -588,12 +643,13 @@ void BroadcastNode::advance(Utime now) {
   identity_.advance(now);
   protocol_.doubt_clocks(!clocks_agree(now));
   protocol_.set_error_bound(tracking_.bound_m(now));
-  protocol_.advance(now);
+  cells_ ? cells_->advance(now, keeper_in_cells(now)) : protocol_.advance(now);
+  if (cells_) follow_peers();
 }
 
 void BroadcastNode::commit(Utime now) {
   if (identity_.has_twin(now) || !protocol_.may_commit(now)) return;
-  if (!protocol_.commit(keeper(now))) return;
+  if (!(cells_ ? cells_->commit(keeper_in_cells(now)) : protocol_.commit(keeper(now)))) return;
   in_vain_ = {};
   has_own_news_ = true;
 }
@@ -603,15 +659,17 @@ Utime BroadcastNode::step(Utime now, Outbox& outbox) {
   commit(now);
   judge_peers(now, outbox);
   relay_strangers(now, outbox);
-  give_up(now);
+  if (!cells_) give_up(now);
   if (motion()) fly(now);
   advance(now);
   commit(now);
+  if (cells_) listen_in_cells(outbox);
   const Duration setpoint_period = to_duration(1.0 / config_.setpoint_rate_hz);
   Utime wake = std::min(now + kStatusPeriod, strangers_.due_utime(now));
   for (auto& [id, link] : links_) wake = std::min(wake, judge_due(now, link));
   if (motion()) {
-    if (const CommitProtocol::News news = protocol_.take_news(); news != CommitProtocol::News::kNone) {
+    const CommitProtocol::News news = cells_ ? cells_->take_news() : protocol_.take_news();
+    if (news != CommitProtocol::News::kNone) {
       if (!has_news_) has_answers_alone_ = true, answers_since_ = now;
       if (news == CommitProtocol::News::kMore) has_answers_alone_ = false;
       has_news_ = true;
@@ -619,19 +677,20 @@ Utime BroadcastNode::step(Utime now, Outbox& outbox) {
     }
     if (now >= announce_due(now)) announce(now, outbox);
     if (has_own_news_) publish_own(now, protocol_.state(), outbox);
-    repeat_last_words(now, outbox);
+    cells_ ? show_tombstones(now, outbox) : repeat_last_words(now, outbox);
     if (now >= setpoint_.due_on_grid(now, setpoint_period)) {
       if (!identity_.gives_way(now)) publish_setpoint(now, outbox);
       setpoint_.done(now);
     }
-    wake = std::min({wake, setpoint_.due_on_grid(now, setpoint_period), protocol_.due_utime(now), announce_due(now)});
+    const Utime due = cells_ ? cells_->due_utime(now) : protocol_.due_utime(now);
+    wake = std::min({wake, setpoint_.due_on_grid(now, setpoint_period), due, announce_due(now)});
   }
   if (now >= status_.due(now, kStatusPeriod)) {
     publish_status(now, outbox);
     status_.done(now);
   }
   if (flight_.take_news()) {
-    if (motion()) keep(now, protocol_.promise());
+    if (motion()) keep_promise(now);
     flight_status_ = Recurring();
   }
   if (now >= flight_status_.due(now, kStatusPeriod)) {
@@ -649,21 +708,27 @@ Utime BroadcastNode::announce_due(Utime now) {
     answers_since_ = std::min(answers_since_, now);
     return has_answers_alone_ ? std::max(news_may_go_, answers_since_ + pause_ * 3 / 4) : news_may_go_;
   }
-  const bool is_lively = now < news_.due(now, kLively) && protocol_.is_awaited(now);
+  const bool is_lively =
+      now < news_.due(now, kLively) && (cells_ ? cells_->is_awaited(now) : protocol_.is_awaited(now));
   const double period_s = is_lively ? config_.lively_s : protocol_.rests(now) ? config_.rest_s : config_.announce_s;
   return announcement_.due(now, std::max(gap_, to_duration(period_s)));
 }
 
 void BroadcastNode::announce(Utime now, Outbox& outbox) {
-  announcement_t message = protocol_.state();
+  CellAnnouncement said = cells_ ? cells_->state() : CellAnnouncement{protocol_.state(), {}, {}};
+  announcement_t& message = said.robot;
   message.header = announcement_headers_.next(now);
   identity_.said(BusId::kSwarm, message.header);
-  if (const auto link = links_.find(told_about(message.header)); link != links_.end()) {
+  if (const auto link = links_.find(told_about(said)); link != links_.end()) {
     const auto delay = link->second.clock.least_delay();
     if (delay) message.least_delay_us = static_cast<std::int32_t>(delay->count());
   }
   const sogm_swarm::header_t header = message.header;
-  outbox.publish(BusId::kSwarm, channel::kAnnouncement, pack(&message));
+  if (cells_) {
+    announce_in_cells(&said, outbox);
+  } else {
+    outbox.publish(BusId::kSwarm, channel::kAnnouncement, pack(&message));
+  }
   publish_own(now, std::move(message), outbox);
   protocol_.said();
   has_news_ = false;

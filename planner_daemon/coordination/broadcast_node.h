@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -14,6 +15,7 @@
 #include "lcmtypes/bus/option_set.h"
 #include "lcmtypes/bus/receive.h"
 #include "lcmtypes/bus/recurring.h"
+#include "planner_daemon/coordination/cell_protocol.h"
 #include "planner_daemon/coordination/clock_offset.h"
 #include "planner_daemon/coordination/commit_protocol.h"
 #include "planner_daemon/coordination/flight_state.h"
@@ -29,12 +31,13 @@ struct BroadcastConfig {
   int robot_id = 0;
   double radius_m = 0.2;
   std::vector<int> roster;      // ids of all robots that fly: nothing is committed before each was heard
+  double cell_m = 0.0;          // edge of the cells that it flies in, instead of by a roster; 0: by the roster
   MotionLimits limits;          // candidates beyond are rejected
   double separation_m = 0.02;   // kept between surfaces of committed motions
   double announce_s = 0.05;     // repetition of the announcement
   double rest_s = 0.1;          // the same while the robot hovers
   double lively_s = 0.008;      // the same right after news, while somebody waits for them
-  double swarm_rate_hz = 2000;  // announcements of all robots together, at most
+  double swarm_rate_hz = 2000;  // announcements of all robots together, in cells of the robot and its peers, at most
   double give_up_after_s = 5;   // a peer that was not heard for so long; 0: never
   double setpoint_rate_hz = 100;
   double yaw_rate_max_radps = 1.5;
@@ -81,9 +84,10 @@ class BroadcastNode : public Node {
     std::int32_t boot = -1, lost = 0;
     std::int64_t seq = 0;
 
-    sogm_swarm::announcement_t newest, last_words;  // what the protocol knows is the second
-    bool waits = false;                             // the newest, to be judged
-    Utime may_be_judged{};                          // no earlier
+    CellAnnouncement newest;                // of who flies by a roster what the robot says alone
+    sogm_swarm::announcement_t last_words;  // that the protocol knows
+    bool waits = false;                     // the newest, to be judged
+    Utime may_be_judged{};                  // no earlier
 
     bool is_of_other_time = false;  // what waits: where the peer is, with times set to ours, is for the planner alone
     SequenceGate other_time;
@@ -97,6 +101,16 @@ class BroadcastNode : public Node {
   Refusal on_candidate(Utime now, std::span<const std::uint8_t> bytes);
   Refusal on_peer(Utime now, std::span<const std::uint8_t> bytes);
   Refusal on_last_words(Utime now, std::span<const std::uint8_t> bytes);
+
+  // In cells (broadcast_cells.cpp).
+  Refusal on_cell_roster(Utime now, std::span<const std::uint8_t> bytes);
+  // An announcement, if a peer's newer one than all before; of others only the header is good: kRobot, kSequence.
+  Refusal read_in_cells(std::span<const std::uint8_t> bytes, CellAnnouncement* message) const;
+  void listen_in_cells(Outbox& outbox);  // that it has to do with
+  void follow_peers();                   // who come and go
+  void announce_in_cells(CellAnnouncement* message, Outbox& outbox);
+  // What those may fly who were expelled, to the planner.
+  void show_tombstones(Utime now, Outbox& outbox);
   // What a peer says by a clock that is wrong, or was heard since ours was set: nothing that was promised is known by
   // it, but where the peer is.
   void on_other_time(Utime now, sogm_swarm::announcement_t* message);
@@ -127,18 +141,21 @@ class BroadcastNode : public Node {
                           Duration* ahead) const;
   // What is wrong with a candidate as a motion of this robot.
   Rejection examine(Utime now, const Trajectory& candidate) const;
+  Rejection propose(Utime now, const Trajectory& candidate, bool urgent = false);
   void advance(Utime now);
-  void commit(Utime now);                                    // what is agreed on
-  void fly(Utime now);                                       // from the ground to the ground: what comes next by itself
-  FlightState::Robot robot(Utime now) const;                 // of flight_; there is a motion
-  bool keep(Utime now, sogm_swarm::announcement_t promise);  // see store_fails_
+  void commit(Utime now);                          // what is agreed on
+  void fly(Utime now);                             // from the ground to the ground: what comes next by itself
+  FlightState::Robot robot(Utime now) const;       // of flight_; there is a motion
+  bool keep(Utime now, CellAnnouncement promise);  // see store_fails_
+  void keep_promise(Utime now);                    // the present one
   CommitProtocol::Keep keeper(Utime now);
+  CellProtocol::Keep keeper_in_cells(Utime now);
   bool clocks_agree(Utime now) const { return offered_step_ == 0us && now > clock_doubt_until_; }
   void doubt_clock_of(int id, Utime now, Duration ahead);  // by so much it is ahead, or more
   std::int16_t state(Utime now) const;                     // one of broadcast_status_t's
   Activity flight_activity(Utime now) const;               // of one that may commit
-  // The robot whose messages' delay an announcement tells.
-  int told_about(const sogm_swarm::header_t& header) const;
+  // The robot whose messages' delay an announcement tells; -1: of none.
+  int told_about(const CellAnnouncement& message) const;
 
   void announce(Utime now, Outbox& outbox);
   void publish_own(Utime now, sogm_swarm::announcement_t message, Outbox& outbox);
@@ -146,12 +163,18 @@ class BroadcastNode : public Node {
   void publish_status(Utime now, Outbox& outbox);
   void publish_flight_status(Utime now, Outbox& outbox);
 
+  static constexpr Duration kMaxAge = 1s;  // of messages from peers, keepers and planner
+
   BroadcastConfig config_;
   PromiseStore& store_;
   KeptPromise kept_;
   HeaderSource announcement_headers_, own_headers_, words_headers_, setpoint_headers_, status_headers_, flight_headers_,
       promise_headers_;
-  CommitProtocol protocol_;
+  std::optional<CellProtocol> cells_;  // none: it flies by the roster
+  CommitProtocol by_roster_;
+  CommitProtocol& protocol_;  // the one, or that of the cells
+  std::set<Cell> listens_in_;
+  bool fits_frame_ = true;  // what it has to say in cells
   Identity identity_;
   TrackingMonitor tracking_;
   FlightState flight_;

@@ -7,7 +7,7 @@
 #include <functional>
 #include <map>
 
-#include "planner_daemon/coordination/cell_messages.h"
+#include "lcmtypes/bus/cell_messages.h"
 
 namespace swarm {
 
@@ -36,12 +36,13 @@ class CellKeeper {
   // is no member, or that could not be kept.
   bool expel(int robot_id, const Keep& keep);
 
-  CellRoster roster() const;
+  CellRoster roster() const { return roster_of(book_); }
+  static CellRoster roster_of(const Book& book);
   const Book& book() const { return book_; }
 
  private:
-  bool change(Book next, bool of_members, const Keep& keep);
-  bool is_listed(const Record& record) const;
+  bool change(int robot_id, Record record, bool of_members, const Keep& keep);
+  static bool is_listed(const Record& record, const Book& book);
 
   Book book_;
 };

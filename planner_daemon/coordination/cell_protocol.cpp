@@ -76,7 +76,11 @@ void CellProtocol::receive(const CellRoster& roster) {
   if (found == places_.end()) return;
   std::optional<CellRoster>& known = found->second.roster;
   if (known && roster.seq <= known->seq) return;
+  const std::int64_t epoch_before = known ? known->epoch : -1;
   known = roster;
+  answers_ |= std::ranges::any_of(roster.entries, [&](const auto& entry) {
+    return entry.second.state == Membership::kMember && entry.second.since > epoch_before;
+  });
   settle();
 }
 
@@ -84,19 +88,54 @@ void CellProtocol::advance(Utime now, const Keep& keep) {
   protocol_.advance(now);
   if (!protocol_.motion()) return;
   if (now >= wanted_until_) wanted_.clear();
-  const std::map<Cell, Place> places_before = places_;
   const std::set<Cell> needed = needed_cells(now);
+  const bool wishes_anew = std::ranges::any_of(needed, [this](const Cell& cell) {
+    const auto place = places_.find(cell);
+    return place == places_.end() || !place->second.wishes || is_expelled(place->second);
+  });
+  const std::map<Cell, Place> places_before = wishes_anew ? places_ : std::map<Cell, Place>();
   for (auto& [cell, place] : places_) place.wishes = place.wishes && needed.contains(cell);
   std::erase_if(places_, [this](const auto& entry) { return has_left(entry.second); });
-  bool wishes_anew = false;
   for (const Cell& cell : needed) {
     Place& place = places_[cell];
     if (place.wishes && !is_expelled(place)) continue;
-    place.wishes = wishes_anew = true;
+    place.wishes = true;
     place.wish = next_wish_++;
   }
+  news_ |= wishes_anew;
   if (wishes_anew && !keep(state())) places_ = places_before;
   settle();
+}
+
+void CellProtocol::set_clock(Utime now, Duration step) {
+  for (auto& [cell, place] : places_) {
+    if (!place.roster) continue;
+    for (auto& [id, entry] : place.roster->entries) {
+      if (!entry.tombstone) continue;
+      entry.tombstone->committed.start_utime += step.count();
+      if (entry.tombstone->pending.seq != 0) entry.tombstone->pending.start_utime += step.count();
+    }
+  }
+  wanted_until_ += step;
+  protocol_.set_clock(now, step);
+  settle();
+}
+
+CommitProtocol::News CellProtocol::take_news() {
+  using News = CommitProtocol::News;
+  const bool news = std::exchange(news_, false), answers = std::exchange(answers_, false);
+  const News of_robot = protocol_.take_news();
+  if (news || of_robot == News::kMore) return News::kMore;
+  return answers ? News::kAnswers : of_robot;
+}
+
+bool CellProtocol::is_awaited(Utime now) const {
+  return protocol_.is_awaited(now) ||
+         std::ranges::any_of(places_, [this](const auto& entry) { return entry.second.wishes && !is_in(entry.first); });
+}
+
+Utime CellProtocol::due_utime(Utime now) const {
+  return wanted_.empty() ? protocol_.due_utime(now) : std::min(protocol_.due_utime(now), wanted_until_);
 }
 
 std::set<Cell> CellProtocol::cells_of(const Trajectory& trajectory) const {

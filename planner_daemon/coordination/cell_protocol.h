@@ -1,6 +1,5 @@
 // Swarms beyond one roster: the commit protocol (commit_protocol.h) among the members of the cells that a motion
 // touches. Knows neither bus nor clock nor files; cell_protocol_test searches its states exhaustively on small cases.
-// No daemon flies by it yet.
 //
 // The ground is cut into cells (cell.h), each with a keeper (cell_keeper.h). A motion touches a cell where it comes
 // closer to it than the radius and half the separation: spheres that meet share a cell. In all its cells a robot
@@ -48,7 +47,7 @@
 #include <optional>
 #include <set>
 
-#include "planner_daemon/coordination/cell_messages.h"
+#include "lcmtypes/bus/cell_messages.h"
 #include "planner_daemon/coordination/commit_protocol.h"
 
 namespace swarm {
@@ -77,6 +76,8 @@ class CellProtocol {
   void receive(const CellRoster& roster);
   // Switches to and withdraws what is due, wishes for cells and leaves them.
   void advance(Utime now, const Keep& keep);
+  // As in CommitProtocol, of what is recorded in the cells as well.
+  void set_clock(Utime now, Duration step);
   bool may_commit(Utime now) const { return protocol_.may_commit(now); }
   bool commit(const Keep& keep);
 
@@ -85,11 +86,19 @@ class CellProtocol {
     bool wishes = false;
     std::optional<CellRoster> roster{};  // the newest that is known
   };
+  // As in CommitProtocol. Members of its cells wait for its answers, for a newer epoch of it where one wants to join,
+  // and its keepers for what it wishes; it waits for all of them while it is not in where it wishes to be.
+  CommitProtocol::News take_news();
+  bool is_awaited(Utime now) const;
+  Utime due_utime(Utime now) const;
+
   // All but the header and what is known of clocks.
   CellAnnouncement state() const;
   bool is_in(const Cell& cell) const;
   // Its motions, and what it wishes to fly.
   const CommitProtocol& robot() const { return protocol_; }
+  // For what it has to be told of itself: errors and clocks that are doubted, what is forced, what was said.
+  CommitProtocol& robot() { return protocol_; }
   const std::map<Cell, Place>& places() const { return places_; }
   const std::map<int, Standings>& peers_cells() const { return peers_cells_; }  // by the newest announcement of each
   // So long it wishes for the cells of what it has proposed last.
@@ -114,6 +123,7 @@ class CellProtocol {
   std::set<Cell> wanted_;  // by what was proposed last
   Utime wanted_until_{};
   std::map<int, Standings> peers_cells_;
+  bool news_ = false, answers_ = false;
 };
 
 }  // namespace swarm

@@ -20,6 +20,7 @@
 
 #include "lcmtypes/bus/atomic_file.h"
 #include "lcmtypes/bus/codec.h"
+#include "lcmtypes/bus/packed_cell_messages.h"
 
 namespace swarm {
 namespace {
@@ -41,6 +42,12 @@ std::pair<std::span<const std::uint8_t>, std::span<const std::uint8_t>> split_pr
   }();
   const std::size_t size = std::min(flight_size, bytes.size());
   return {bytes.first(bytes.size() - size), bytes.last(size)};
+}
+
+Refusal read_promise(std::span<const std::uint8_t> bytes, CellAnnouncement* promise) {
+  sogm_swarm::cell_announcement_t in_cells;
+  if (decode(bytes, &in_cells) == Refusal::kNone) return unpack(in_cells, promise);
+  return decode(bytes, &promise->robot);
 }
 
 }  // namespace
@@ -98,40 +105,48 @@ bool FilePromiseStore::save(std::span<const std::uint8_t> bytes) {
   return is_saved;
 }
 
-std::vector<std::uint8_t> promise_bytes(const sogm_swarm::announcement_t& promise,
-                                        const sogm_swarm::flight_status_t& flight) {
+std::vector<std::uint8_t> promise_bytes(CellAnnouncement promise, const sogm_swarm::flight_status_t& flight) {
   std::vector<std::uint8_t> bytes, more;
-  encode(promise, &bytes);
   sogm_swarm::flight_status_t with_header = flight;
-  with_header.header = promise.header;
+  with_header.header = promise.robot.header;
+  if (promise.cells.empty()) {
+    encode(promise.robot, &bytes);
+  } else {
+    const auto packed = pack(&promise);
+    if (!packed) return {};
+    encode(*packed, &bytes);
+  }
   encode(with_header, &more);
   bytes.insert(bytes.end(), more.begin(), more.end());
   return bytes;
 }
 
 KeptPromise load_promise(PromiseStore& store, int robot_id, std::int32_t first_boot) {
-  std::optional<sogm_swarm::announcement_t> newest;
+  std::optional<CellAnnouncement> newest;
   std::optional<sogm_swarm::flight_status_t> flight;
   for (const std::vector<std::uint8_t>& copy : store.load()) {
     const auto [promise_part, flight_part] = split_promise(copy);
-    sogm_swarm::announcement_t kept;
+    CellAnnouncement promise;
+    const sogm_swarm::announcement_t& kept = promise.robot;
     sogm_swarm::flight_status_t kept_flight;
-    Refusal refusal = decode(promise_part, &kept);
+    Refusal refusal = read_promise(promise_part, &promise);
     if (refusal == Refusal::kNone) refusal = decode(flight_part, &kept_flight);
     if (refusal != Refusal::kNone) {
       spdlog::error("a copy of what robot {} promised is damaged ({}) and passed over", robot_id, to_string(refusal));
     } else if (kept.header.robot_id != robot_id) {
       spdlog::error("a copy of what robot {} promised is robot {}'s and passed over", robot_id, kept.header.robot_id);
-    } else if (!newest ||
-               std::pair(kept.header.boot, kept.header.seq) > std::pair(newest->header.boot, newest->header.seq)) {
-      newest = kept;
+    } else if (!newest || std::pair(kept.header.boot, kept.header.seq) >
+                              std::pair(newest->robot.header.boot, newest->robot.header.seq)) {
+      newest = promise;
       flight = kept_flight;
     }
   }
-  if (!newest || newest->header.boot == std::numeric_limits<std::int32_t>::max()) return {first_boot, {}, 0, {}, {}};
-  return {newest->header.boot + 1,
-          motion_of(*newest),  // what was pending nobody can have committed
-          newest->forced_seq,      to_utime(newest->header.utime), flight, newest->roster_crc, newest->acks};
+  if (!newest || newest->robot.header.boot == std::numeric_limits<std::int32_t>::max())
+    return {first_boot, {}, 0, {}, {}};
+  const sogm_swarm::announcement_t& kept = newest->robot;
+  return {kept.header.boot + 1,
+          motion_of(kept),  // what was pending nobody can have committed
+          kept.forced_seq,      to_utime(kept.header.utime), flight, kept.roster_crc, kept.acks, newest->cells};
 }
 
 }  // namespace swarm

@@ -5,10 +5,12 @@
 #include <array>
 #include <cstdint>
 #include <filesystem>
+#include <map>
 #include <optional>
 #include <span>
 #include <vector>
 
+#include "lcmtypes/bus/cell_messages.h"
 #include "planner_daemon/trajectory/motion.h"
 #include "sogm_swarm/flight_status_t.hpp"
 
@@ -70,10 +72,11 @@ struct KeptPromise {
   std::optional<sogm_swarm::flight_status_t> flight = {};
   std::int32_t roster_crc = 0;  // and whom of that roster it had answered, and given up
   std::vector<sogm_swarm::ack_t> acks = {};
+  std::map<Cell, CellAnnouncement::Standing> cells = {};  // or which cells it had to do with
 };
-// What is kept: an announcement and a flight status, each with the same header.
-std::vector<std::uint8_t> promise_bytes(const sogm_swarm::announcement_t& promise,
-                                        const sogm_swarm::flight_status_t& flight);
+// What is kept: an announcement, in cells one of those, and a flight status, each with the same header. Nothing: it has
+// to do with too many cells (cell_announcement_t::kMaxCells).
+std::vector<std::uint8_t> promise_bytes(CellAnnouncement promise, const sogm_swarm::flight_status_t& flight);
 // Of the copies that are whole the newest counts; what is damaged, or another robot's, is logged.
 KeptPromise load_promise(PromiseStore& store, int robot_id, std::int32_t first_boot);
 

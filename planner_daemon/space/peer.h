@@ -17,7 +17,4 @@ struct Peer {
   int id = 0;
 };
 
-// For Peer::space: the hull of all pieces.
-Eigen::AlignedBox3d space_of(const Motion& motion, const Trajectory& pending);
-
 }  // namespace swarm

@@ -1,6 +1,7 @@
 // What a robot is bound to fly, as its announcement says it.
 #pragma once
 
+#include <Eigen/Geometry>
 #include <cstdint>
 
 #include "planner_daemon/trajectory/trajectory.h"
@@ -31,5 +32,8 @@ Trajectory pending_of(const sogm_swarm::announcement_t& message);
 
 // Control points of the motion during [from, to], which must hold no knot inside.
 ControlPoints control_points_between(const Motion& motion, Utime from, Utime to);
+
+// A box that who flies one after the other, or some of it, stays in: the hull of all pieces, W [m].
+Eigen::AlignedBox3d space_of(const Motion& motion, const Trajectory& pending);
 
 }  // namespace swarm

@@ -238,7 +238,7 @@ bool fly_campaign(const std::vector<Trial>& trials, const FlightArguments& argum
 }
 
 std::string campaign_table(const std::vector<TrialRow>& rows) {
-  struct Cell {
+  struct Statistic {
     int trials = 0, successes = 0, collisions = 0, hits_at_rest = 0, robot_touches = 0, conflicts = 0, forced = 0;
     double last_s = 0.0, mean_s = 0.0;
     void add(const TrialRow& row) {
@@ -255,8 +255,8 @@ std::string campaign_table(const std::vector<TrialRow>& rows) {
       mean_s += std::stod(cell(row, "mean_flight_s"));
     }
   };
-  std::map<std::string, Cell, decltype(&natural_less)> cells(&natural_less);
-  Cell all;
+  std::map<std::string, Statistic, decltype(&natural_less)> cells(&natural_less);
+  Statistic all;
   for (const TrialRow& row : rows) {
     cells[cell(row, "task") + " " + cell(row, "env") + " " + cell(row, "obstacles")].add(row);
     all.add(row);
@@ -264,7 +264,7 @@ std::string campaign_table(const std::vector<TrialRow>& rows) {
   std::vector<std::vector<std::string>> lines = {{"", "trials", "success %", "collision %", "of them at rest",
                                                   "stuck %", "robot touches", "commit conflicts", "forced",
                                                   "last arrival s", "mean flight s"}};
-  const auto line = [&](const std::string& name, const Cell& c) {
+  const auto line = [&](const std::string& name, const Statistic& c) {
     std::string last = "-", mean = "-";
     if (c.successes > 0) {
       last.clear(), mean.clear();

@@ -195,7 +195,8 @@ TYPED_TEST(CodecTest, RefusesNumbersThatAreNotFinite) {
     value = good;
   });
   constexpr bool has_none = std::same_as<TypeParam, map_request_t> || std::same_as<TypeParam, packed_announcement_t> ||
-                            std::same_as<TypeParam, last_words_t>;
+                            std::same_as<TypeParam, last_words_t> || std::same_as<TypeParam, cell_announcement_t> ||
+                            std::same_as<TypeParam, cell_roster_t>;
   EXPECT_EQ(fields > 0, !has_none);
   EXPECT_EQ(judge<TypeParam>(encoded(message)), Refusal::kNone);
 }

@@ -107,7 +107,7 @@ TEST(Messages, ArraysHaveTheBytesOfTheirElements) {
   [&]<class... T>(const std::tuple<T...>*) {
     (check(static_cast<T*>(nullptr)), ...);
   }(static_cast<AllMessages*>(nullptr));
-  EXPECT_EQ(arrays, 10);
+  EXPECT_EQ(arrays, 12);
 }
 
 TEST(Recurring, IsDueAPeriodAfterItWasDone) {

@@ -11,6 +11,7 @@
 
 #include "lcmtypes/bus/lcm_wire.h"
 #include "lcmtypes/bus/packed_announcement.h"
+#include "lcmtypes/bus/packed_cell_messages.h"
 #include "lcmtypes/bus/seal.h"
 #include "map_daemon/sogm_codec.h"
 #include "tests/fuzz/fuzz_input.h"
@@ -76,6 +77,24 @@ Bytes message_on(std::string_view channel) {
   return bytes;
 }
 
+// Of one robot among so many, and of a keeper that has recorded and expelled it.
+void write_cells(const Corpora& corpora, int robots, const sogm_swarm::announcement_t& robot) {
+  CellAnnouncement message{robot, {}, {{{0, -1}, {7, true, 4}}, {{1, -1}, {6, false, 9}}}};
+  for (int id = 0; id < robots; ++id) message.acks[id] = robot.acks[static_cast<std::size_t>(id)];
+  CellRoster roster{{0, -1}, 12, 9, {{robot.header.robot_id, {Membership::kExpelled, 7, 9}}}};
+  for (int id = 0; id < robots; ++id) roster.entries[id] = {Membership::kMember, id + 1, id % 9, 3 * id};
+  roster.entries.at(robot.header.robot_id).tombstone = robot;
+  roster.entries.at(robot.header.robot_id).tombstone->acks.clear();
+  const auto write = [&](int kind, const char* name, const auto& packed) {
+    const auto utime = static_cast<std::uint64_t>(packed.header.utime);
+    const auto boot = static_cast<std::uint64_t>(packed.header.boot);
+    corpora.write("packed_cells", std::to_string(robots) + name,
+                  Seed().byte(static_cast<std::uint64_t>(kind)).word(utime, 7).word(2 * boot, 4).raw(packed.packed));
+  };
+  write(0, "_robots", pack(&message).value());
+  write(1, "_members", pack(robot.header, &roster).value());
+}
+
 void write_wire(const Corpora& corpora) {
   for (std::size_t type = 0; type < std::tuple_size_v<AllMessages>; ++type) {
     with_type(type, [&]<class T>(T) {
@@ -91,6 +110,7 @@ void write_wire(const Corpora& corpora) {
     const auto boot = static_cast<std::uint64_t>(packed.header.boot);
     corpora.write("packed", std::to_string(robots) + "_robots",
                   Seed().word(utime, 7).word(2 * boot, 4).raw(packed.packed));
+    write_cells(corpora, robots, message);
   }
 
   const Bytes goal = message_on(channel::kGoal);

@@ -433,5 +433,30 @@ TEST(PlannerNodeConfig, ImpossibleCombinationsAreRefusedByName) {
   EXPECT_TRUE(names(complaint([](auto& c) { c.planner.search.piece = 801ms; }), "8.01 s in all; must be at most 8 s"));
 }
 
+// In cells peers come and go; by a roster who is silent is where it was bound to be.
+TEST(PlannerNode, ForgetsPeersThatFlewElsewhere) {
+  for (const double after_s : {0.0, 3.0}) {
+    SCOPED_TRACE(after_s);
+    PlannerNodeConfig config = PlannerNodeFixture::make_config();
+    config.forget_peers_after_s = after_s;
+    PlannerNodeFixture f(config);
+    f.start({2, 0, 1});
+    f.send_peer(4, Trajectory::hover(1, f.now, {1, 1, 1}));
+    f.send_peer(5, Trajectory::hover(1, f.now, {1, -1, 1}));
+    f.run_for(2.0);
+    f.send_peer(5, Trajectory::hover(2, f.now, {1, -1, 1}));
+    f.run_for(2.0);
+    f.send_hover();
+    f.send_map();
+    const std::vector<Peer>& peers = *f.node.newest_request().peers;
+    ASSERT_EQ(peers.size(), after_s == 0.0 ? 2u : 1u);
+    EXPECT_EQ(peers.back().id, 5);
+    f.send_peer(5, Trajectory::hover(3, f.now, {1, -2, 1}));
+    f.send_peer(4, Trajectory::hover(2, f.now, {1, 2, 1}));
+    EXPECT_EQ(peers.size(), 2u);
+    for (const Peer& peer : peers) EXPECT_EQ(peer.motion.at(f.now).position.y(), peer.id == 4 ? 2 : -2);
+  }
+}
+
 }  // namespace
 }  // namespace swarm::test

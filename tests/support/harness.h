@@ -17,6 +17,7 @@
 #include <functional>
 #include <iterator>
 #include <optional>
+#include <set>
 #include <sstream>
 #include <string>
 #include <string_view>
@@ -100,6 +101,9 @@ class Mailbox : public Outbox {
   void publish_bytes(BusId bus, std::string_view channel, std::span<const std::uint8_t> bytes) override {
     letters.push_back({bus, std::string(channel), {bytes.begin(), bytes.end()}});
   }
+  void listen(BusId, std::string_view channel, bool listens) override {
+    listens ? void(heard.insert(std::string(channel))) : void(heard.erase(std::string(channel)));
+  }
 
   // Everything of one channel, which must decode.
   template <class T>
@@ -125,6 +129,7 @@ class Mailbox : public Outbox {
   }
 
   std::vector<Letter> letters;
+  std::set<std::string> heard;  // channels beside its subscriptions
 };
 
 // A node in simulated time, called as the hosts call it: messages, then a step; and a step whenever it asked for one.

@@ -86,11 +86,21 @@ inline void make(Random& random, int elements, announcement_t* m) {
     m->acks.push_back(ack);
   }
 }
-// Bytes that say nothing: what is packed is for packed_announcement_test.
-inline void make(Random& random, int elements, packed_announcement_t* m) {
+// Bytes that say nothing: what is packed is for packed_announcement_test and packed_cell_messages_test.
+template <class Packed>
+void fill_packed(Random& random, int elements, Packed* m) {
   m->num_bytes = static_cast<std::int16_t>(std::clamp(elements, 1, kMaxPackedBytes));
   m->packed.resize(static_cast<std::size_t>(m->num_bytes));
   for (std::uint8_t& byte : m->packed) byte = static_cast<std::uint8_t>(random());
+}
+inline void make(Random& random, int elements, packed_announcement_t* m) {
+  fill_packed(random, elements, m);
+}
+inline void make(Random& random, int elements, cell_announcement_t* m) {
+  fill_packed(random, elements, m);
+}
+inline void make(Random& random, int elements, cell_roster_t* m) {
+  fill_packed(random, elements, m);
 }
 inline void make(Random& random, int elements, last_words_t* m) {
   m->robot_id = static_cast<std::int16_t>(integer(random, 0, 32767));
@@ -315,6 +325,10 @@ template <class F>
 void each_real(packed_announcement_t&, F) {}
 template <class F>
 void each_real(last_words_t&, F) {}
+template <class F>
+void each_real(cell_announcement_t&, F) {}
+template <class F>
+void each_real(cell_roster_t&, F) {}
 template <class F>
 void each_real(goal_t& m, F f) {
   for (waypoint_t& w : m.waypoints) each(f, w.position, w.tolerance, w.speed, w.wait);

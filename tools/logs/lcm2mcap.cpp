@@ -55,7 +55,7 @@ void check_output(const Arguments& arguments) {
 }
 
 bool is_of_swarm(const std::string& channel) {
-  return channel == channel::kAnnouncement || channel == channel::kLastWords;
+  return std::ranges::any_of(channels_of(BusId::kSwarm), [&](const char* kind) { return kind_of(channel) == kind; });
 }
 
 // A log, its next event, and the robot whose onboard bus it is of, if any.

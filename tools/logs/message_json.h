@@ -1,8 +1,8 @@
 // Our messages as JSON, for programs that do not speak LCM. Fields have their LCM names, in the .lcm files' order; all
 // numbers are JSON numbers, and a float is the shortest decimal that is that float. Different from the wire are:
 // numbers that are not finite become null; trajectory_t.knots are objects (x, y, z [m], vx, vy, vz [m/s], ax, ay, az
-// [m/s^2]), only the num_pieces + 1 that say something; voxels are objects (x, y, z); the bytes of sogm_t,
-// packed_announcement_t and last_words_t are left out.
+// [m/s^2]), only the num_pieces + 1 that say something; voxels are objects (x, y, z); the bytes of sogm_t
+// and of packed messages are left out.
 #pragma once
 
 #include <nlohmann/json.hpp>

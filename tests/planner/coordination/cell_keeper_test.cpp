@@ -4,6 +4,7 @@
 
 #include <random>
 
+#include "planner_daemon/coordination/cell.h"
 #include "tests/support/harness.h"
 
 namespace swarm::test {

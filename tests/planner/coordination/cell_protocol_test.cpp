@@ -12,6 +12,7 @@
 #include <optional>
 #include <unordered_set>
 
+#include "planner_daemon/coordination/cell.h"
 #include "planner_daemon/coordination/cell_keeper.h"
 #include "planner_daemon/coordination/deconfliction.h"
 #include "tests/support/harness.h"

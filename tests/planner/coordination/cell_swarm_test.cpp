@@ -9,6 +9,7 @@
 #include <queue>
 #include <random>
 
+#include "planner_daemon/coordination/cell.h"
 #include "planner_daemon/coordination/cell_keeper.h"
 #include "planner_daemon/coordination/cell_protocol.h"
 #include "tests/support/harness.h"

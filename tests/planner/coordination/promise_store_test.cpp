@@ -52,7 +52,7 @@ TEST(PromiseStore, OneCopyIsEnough) {
   const auto promise = [&](std::int64_t seq) {
     kept.header = make_header(4, 100, seq, kStart);
     kept.committed = Trajectory::hover(3, kStart, {static_cast<double>(seq), 2, 1}).to_wire();
-    return promise_bytes(kept, {});
+    return promise_bytes({kept, {}, {}}, {});
   };
   const auto kept_x = [&] {
     FilePromiseStore store(path);
@@ -100,7 +100,7 @@ TEST(PromiseStore, AStartIsNewerThanWhatWasKept) {
     kept.header = make_header(robot, boot, 0, kStart);
     sogm_swarm::flight_status_t flight{};
     flight.state = sogm_swarm::flight_status_t::kHome;
-    EXPECT_TRUE(store.save(promise_bytes(kept, flight)));
+    EXPECT_TRUE(store.save(promise_bytes({kept, {}, {}}, flight)));
     return load_promise(store, 4, 7);
   };
   EXPECT_EQ(after(100, 4).boot, 101);
@@ -110,6 +110,24 @@ TEST(PromiseStore, AStartIsNewerThanWhatWasKept) {
   EXPECT_EQ(after(std::numeric_limits<std::int32_t>::max(), 4).boot, 7);
   EXPECT_TRUE(store.save(encoded(kept)));
   EXPECT_EQ(load_promise(store, 4, 7).boot, 7) << "half of it";
+}
+
+TEST(PromiseStore, KeepsTheCellsOfWhoFliesInThem) {
+  CellAnnouncement kept{};
+  kept.robot.header = make_header(4, 100, 1, kStart);
+  kept.robot.radius = 0.2f;
+  kept.robot.committed = Trajectory::hover(3, kStart, {1, 2, 1}).to_wire();
+  kept.robot.least_delay_us = sogm_swarm::announcement_t::kUnknown;
+  kept.cells[{0, -1}] = {(std::int64_t{100} << 32) + 7, true, 12};
+  kept.cells[{2, 3}] = {(std::int64_t{99} << 32) + 2, false, -1};
+  MemoryPromiseStore store;
+  ASSERT_TRUE(store.save(promise_bytes(kept, {})));
+  const KeptPromise start = load_promise(store, 4, 7);
+  EXPECT_EQ(start.boot, 101);
+  EXPECT_EQ(start.motion->at(kStart).position, Eigen::Vector3d(1, 2, 1));
+  EXPECT_EQ(start.cells, kept.cells);
+  for (int x = 0; x <= sogm_swarm::cell_announcement_t::kMaxCells; ++x) kept.cells[{x, 0}] = {1, true, 0};
+  EXPECT_TRUE(promise_bytes(kept, {}).empty());
 }
 
 }  // namespace

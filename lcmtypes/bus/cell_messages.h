@@ -1,16 +1,38 @@
-// What robots in cells and the keepers of cells say to each other (cell_protocol.h). Each message is the whole state of
-// who sends it, repeated for ever. Not on the wire yet.
+// What robots in cells and the keepers of cells say to each other (planner_daemon/coordination/cell_protocol.h). Each
+// message is the whole state of who sends it, repeated for ever. Packed they travel as cell_announcement_t and
+// cell_roster_t, see packed_cell_messages.h.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <map>
 #include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
 
-#include "planner_daemon/coordination/cell.h"
+#include "lcmtypes/bus/channels.h"
 #include "sogm_swarm/ack_t.hpp"
 #include "sogm_swarm/announcement_t.hpp"
 
 namespace swarm {
+
+// A square of the ground, as high as the space. Of cells with edges of `edge_m` that from x * edge_m to (x + 1) *
+// edge_m, likewise y; W.
+struct Cell {
+  std::int32_t x = 0, y = 0;
+  bool operator==(const Cell&) const = default;
+  bool operator<(const Cell& other) const { return std::pair(x, y) < std::pair(other.x, other.y); }
+};
+
+// The cell's own channel of a kind: CELL_ROSTER_at_m3_12, m for minus. Who has nothing to do with the cell does not
+// listen to it.
+inline std::string channel_of(std::string_view kind, const Cell& cell) {
+  std::string name = std::string(kind).append(kCellPrefix).append(std::to_string(cell.x)).append("_");
+  name.append(std::to_string(cell.y));
+  std::ranges::replace(name, '-', 'm');
+  return name;
+}
 
 // What a robot says in each cell that it mentions.
 struct CellAnnouncement {

@@ -1,0 +1,136 @@
+#include "planner_daemon/coordination/keeper_node.h"
+
+#include <cmath>
+#include <utility>
+
+#include "lcmtypes/bus/channels.h"
+#include "lcmtypes/bus/option_set.h"
+#include "lcmtypes/bus/packed_cell_messages.h"
+#include "lcmtypes/bus/text.h"
+
+namespace swarm {
+namespace {
+
+constexpr Duration kMaxAge = 1s;  // of announcements
+constexpr Duration kLook = 5ms;   // at all cells: so long news may wait, and no roster is said more often
+constexpr Duration kSpoken = 1s;  // after the last announcement in a cell its roster is repeated
+constexpr std::ptrdiff_t kMostCells = 10'000;
+
+}  // namespace
+
+void verify(const KeeperConfig& config) {
+  if (!(config.cell_m >= 1.0)) throw OptionError("--cells: " + text_of(config.cell_m) + " m; must be at least 1 m");
+  if ((config.ground_min.array() >= config.ground_max.array()).any())
+    throw OptionError("--ground-min: must be below --ground-max on every axis");
+  const Eigen::Vector2d cells = (config.ground_max - config.ground_min) / config.cell_m + Eigen::Vector2d(1, 1);
+  if (cells.prod() > kMostCells) {
+    throw OptionError("--ground-min, --ground-max: " + text_of(std::ceil(cells.prod())) + " cells; at most " +
+                      std::to_string(kMostCells));
+  }
+}
+
+std::vector<CellKeeper::Book> MemoryBookStore::load() {
+  std::vector<CellKeeper::Book> books;
+  for (const auto& entry : books_) books.push_back(entry.second);
+  return books;
+}
+
+bool MemoryBookStore::save(const CellKeeper::Book& book) {
+  books_[book.cell] = book;
+  return true;
+}
+
+KeeperNode::KeeperNode(const KeeperConfig& config, BookStore& store, std::int32_t boot)
+    : config_((verify(config), config)), store_(store), headers_(config.keeper_id, boot) {
+  for (const CellKeeper::Book& book : store.load()) cells_.try_emplace(book.cell, Kept{CellKeeper(book)});
+  const auto index = [this](double value) { return static_cast<std::int32_t>(std::floor(value / config_.cell_m)); };
+  for (std::int32_t x = index(config.ground_min.x()); x <= index(config.ground_max.x()); ++x) {
+    for (std::int32_t y = index(config.ground_min.y()); y <= index(config.ground_max.y()); ++y)
+      cells_.try_emplace({x, y}, Kept{CellKeeper(CellKeeper::Book{{x, y}})});
+  }
+}
+
+std::vector<Subscription> KeeperNode::subscriptions() const {
+  std::vector<Subscription> subscriptions;
+  for (const auto& entry : cells_)
+    subscriptions.push_back({BusId::kSwarm, channel_of(channel::kCellAnnouncement, entry.first)});
+  return subscriptions;
+}
+
+void KeeperNode::on_message(Utime now, BusId, std::string_view, std::span<const std::uint8_t> bytes, Outbox&) {
+  const Refusal refusal = on_robot(now, bytes);
+  if (refusal != Refusal::kNone) refused_.count(refusal);
+}
+
+// Each announcement comes once in each cell that it mentions: the first copy is for all that are kept here.
+Refusal KeeperNode::on_robot(Utime now, std::span<const std::uint8_t> bytes) {
+  sogm_swarm::cell_announcement_t packed;
+  CellAnnouncement message;
+  Refusal refusal = decode(bytes, &packed);
+  if (refusal != Refusal::kNone) return refusal;
+  SequenceGate& gate = gates_[packed.header.robot_id];
+  if (!gate.is_newer(packed.header)) return Refusal::kNone;
+  const auto from_anybody = [](const sogm_swarm::cell_announcement_t&) { return Refusal::kNone; };
+  refusal = admit(packed, from_anybody, {now, kMaxAge, to_duration(config_.clock_error_s)}, gate);
+  if (refusal == Refusal::kNone) refusal = unpack(packed, &message);
+  if (refusal != Refusal::kNone) return refusal;
+  for (const auto& entry : message.cells) {
+    const auto found = cells_.find(entry.first);
+    if (found == cells_.end()) continue;
+    found->second.heard[packed.header.robot_id] = found->second.newest = now;
+    found->second.keeper.receive(message, keeper());
+  }
+  return Refusal::kNone;
+}
+
+CellKeeper::Keep KeeperNode::keeper() {
+  return [this](const CellKeeper::Book& book) {
+    CellRoster roster = CellKeeper::roster_of(book);
+    sogm_swarm::header_t header{};
+    const bool is_kept = pack(header, &roster).has_value() && store_.save(book);
+    passed_over_ += is_kept ? 0 : 1;
+    return is_kept;
+  };
+}
+
+void KeeperNode::expel_silent(Utime now, Kept* kept) {
+  std::vector<int> silent;
+  for (const auto& [id, record] : kept->keeper.book().records) {
+    if (record.state != Membership::kMember) continue;
+    const Utime heard = kept->heard.try_emplace(id, now).first->second;  // after a restart
+    if (now - heard > to_duration(config_.expel_after_s)) silent.push_back(id);
+  }
+  for (const int id : silent) (void)kept->keeper.expel(id, keeper());
+}
+
+void KeeperNode::announce(Utime now, const Cell& cell, Kept* kept, Outbox& outbox) {
+  CellRoster roster = kept->keeper.roster();
+  kept->said_seq = roster.seq;
+  kept->roster.done(now);
+  if (const auto packed = pack(headers_.next(now), &roster))
+    outbox.publish(BusId::kSwarm, channel_of(channel::kCellRoster, cell), *packed);
+}
+
+Utime KeeperNode::step(Utime now, Outbox& outbox) {
+  if (now < look_.due(now, kLook)) return look_.due(now, kLook);
+  look_.done(now);
+  for (auto& [cell, kept] : cells_) {
+    expel_silent(now, &kept);
+    const bool is_new = kept.keeper.book().seq != kept.said_seq && kept.keeper.book().seq > 0;
+    const bool is_spoken_in = now - kept.newest < kSpoken && kept.newest != Utime();
+    if (is_new || (is_spoken_in && now >= kept.roster.due(now, to_duration(config_.roster_s))))
+      announce(now, cell, &kept, outbox);
+  }
+  return look_.due(now, kLook);
+}
+
+bool KeeperNode::on_clock_step(Utime, Duration step) {
+  for (auto& entry : cells_) {
+    Kept& kept = entry.second;
+    for (auto& heard : kept.heard) heard.second += step;
+    if (kept.newest != Utime()) kept.newest += step;
+  }
+  return true;
+}
+
+}  // namespace swarm

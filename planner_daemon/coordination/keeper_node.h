@@ -1,0 +1,88 @@
+// The keepers of all cells of a part of the ground, as a node of one process: each by the rules of cell_protocol.h.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "lcmtypes/bus/header_source.h"
+#include "lcmtypes/bus/node.h"
+#include "lcmtypes/bus/receive.h"
+#include "lcmtypes/bus/recurring.h"
+#include "planner_daemon/coordination/cell_keeper.h"
+
+namespace swarm {
+
+struct KeeperConfig {
+  int keeper_id = 0;
+  double cell_m = 8.0;                                         // edge of the cells
+  Eigen::Vector2d ground_min = {-8, -8}, ground_max = {8, 8};  // all cells that this touches are kept; W [m]
+  double roster_s = 0.05;                                      // repetition of rosters
+  double expel_after_s = 2.0;                                  // who was not heard for so long
+  double clock_error_s = 0.01;                                 // messages from further in the future are refused
+};
+
+// Throws OptionError on what cannot work.
+void verify(const KeeperConfig& config);
+
+// Where books survive a crash.
+class BookStore {
+ public:
+  virtual ~BookStore() = default;
+  virtual std::vector<CellKeeper::Book> load() = 0;
+  // False when it could not be saved; what was saved before of that cell is then still there.
+  [[nodiscard]] virtual bool save(const CellKeeper::Book& book) = 0;
+};
+
+// Outlives the node, not the process.
+class MemoryBookStore : public BookStore {
+ public:
+  std::vector<CellKeeper::Book> load() override;
+  bool save(const CellKeeper::Book& book) override;
+
+ private:
+  std::map<Cell, CellKeeper::Book> books_;
+};
+
+class KeeperNode : public Node {
+ public:
+  // Goes on with what `store` kept, which must outlive the node. `boot` grows at every start.
+  KeeperNode(const KeeperConfig& config, BookStore& store, std::int32_t boot);
+
+  std::vector<Subscription> subscriptions() const override;
+  void on_message(Utime now, BusId bus, std::string_view channel, std::span<const std::uint8_t> bytes,
+                  Outbox& outbox) override;
+  Utime step(Utime now, Outbox& outbox) override;
+  bool on_clock_step(Utime now, Duration step) override;
+
+  const RefusalCounts& refused() const { return refused_; }
+  // Changes that were not made: the cell's roster would no longer fit a frame, or its book could not be saved.
+  std::int64_t passed_over() const { return passed_over_; }
+
+ private:
+  struct Kept {
+    CellKeeper keeper;
+    std::map<int, Utime> heard{};  // who mentioned the cell last when
+    Utime newest{};                // of them
+    std::int64_t said_seq = -1;    // of the roster that was said last
+    Recurring roster{};
+  };
+  Refusal on_robot(Utime now, std::span<const std::uint8_t> bytes);
+  CellKeeper::Keep keeper();
+  void expel_silent(Utime now, Kept* kept);
+  void announce(Utime now, const Cell& cell, Kept* kept, Outbox& outbox);
+
+  KeeperConfig config_;
+  BookStore& store_;
+  HeaderSource headers_;
+  std::map<Cell, Kept> cells_;
+  std::map<int, SequenceGate> gates_;  // by robot
+  RefusalCounts refused_;
+  std::int64_t passed_over_ = 0;
+  Recurring look_;
+};
+
+}  // namespace swarm

@@ -1,0 +1,146 @@
+// The keepers' node: what it says of what it hears, when, and what it knows after a crash.
+#include "planner_daemon/coordination/keeper_node.h"
+
+#include <gtest/gtest.h>
+
+#include "lcmtypes/bus/option_set.h"
+#include "lcmtypes/bus/packed_cell_messages.h"
+#include "tests/support/harness.h"
+
+namespace swarm::test {
+namespace {
+
+constexpr Cell kHere{1, 0}, kThere{-1, 0}, kAbroad{99, 0};
+constexpr std::int64_t kWish = (std::int64_t{5} << 32) + 1;
+
+class Keepers : public Bench<KeeperNode> {
+ public:
+  explicit Keepers(MemoryBookStore& books, std::int32_t boot = 1) : Bench(KeeperConfig(), books, boot) {}
+
+  void hear(int id, std::vector<Cell> cells, bool wishes = true, std::int64_t wish = kWish) {
+    CellAnnouncement message{};
+    message.robot.header = make_header(id, 5, ++seq, now);
+    message.robot.radius = 0.2f;
+    message.robot.committed = Trajectory::hover(1, kStart, {1, 2, 1}).to_wire();
+    message.robot.least_delay_us = sogm_swarm::announcement_t::kUnknown;
+    for (const Cell& cell : cells) message.cells[cell] = {wish, wishes};
+    const auto packed = pack(&message);
+    ASSERT_TRUE(packed);
+    Bytes bytes;
+    encode(*packed, &bytes);
+    deliver(BusId::kSwarm, channel_of(channel::kCellAnnouncement, cells.front()), bytes);
+  }
+  std::vector<CellRoster> rosters(const Cell& cell) {
+    std::vector<CellRoster> rosters;
+    for (const Mailbox::Letter& letter : out.letters) {
+      if (letter.channel != channel_of(channel::kCellRoster, cell)) continue;
+      sogm_swarm::cell_roster_t packed;
+      EXPECT_EQ(decode(letter.bytes, &packed), Refusal::kNone);
+      EXPECT_EQ(unpack(packed, &rosters.emplace_back()), Refusal::kNone);
+      EXPECT_EQ(rosters.back().cell, cell);
+    }
+    return rosters;
+  }
+
+  std::int64_t seq = 0;  // of the newest announcement
+};
+
+TEST(KeeperNode, SaysWhoIsAMemberAtOnceAndAsLongAsAnybodySpeaks) {
+  MemoryBookStore books;
+  Keepers keepers(books);
+  keepers.run_for(1.0);
+  EXPECT_TRUE(keepers.out.letters.empty());
+  keepers.hear(3, {kHere, kThere});
+  keepers.run_for(0.006);
+  for (const Cell& cell : {kHere, kThere}) {  // by one copy of the announcement
+    const auto rosters = keepers.rosters(cell);
+    ASSERT_EQ(rosters.size(), 1u);
+    ASSERT_TRUE(rosters[0].entries.contains(3));
+    EXPECT_EQ(rosters[0].entries.at(3).state, Membership::kMember);
+    EXPECT_EQ(rosters[0].entries.at(3).wish, kWish);
+  }
+  keepers.run_for(0.5);
+  EXPECT_NEAR(static_cast<double>(keepers.rosters(kHere).size()), 11, 1);
+  keepers.run_for(3.0);
+  const auto all = keepers.rosters(kHere);
+  EXPECT_EQ(all.back().entries.at(3).state, Membership::kExpelled);  // it fell silent
+  ASSERT_TRUE(all.back().entries.at(3).tombstone);
+  EXPECT_EQ(all.back().entries.at(3).tombstone->committed.knots[0][1], 2.0f);
+  keepers.out.letters.clear();
+  keepers.run_for(5.0);
+  EXPECT_TRUE(keepers.out.letters.empty());
+}
+
+TEST(KeeperNode, KnowsAfterACrashWhatItHasSaid) {
+  MemoryBookStore books;
+  std::int64_t seq = 0;
+  {
+    Keepers keepers(books);
+    keepers.hear(3, {kHere});
+    keepers.hear(4, {kHere});
+    keepers.run_for(0.1);
+    seq = keepers.rosters(kHere).back().seq;
+  }
+  Keepers keepers(books, 2);
+  keepers.seq = 2;
+  keepers.hear(4, {kHere}, false);
+  keepers.run_for(0.1);
+  const CellRoster roster = keepers.rosters(kHere).back();
+  EXPECT_EQ(roster.seq, seq + 1);
+  EXPECT_EQ(roster.entries.at(3).state, Membership::kMember);
+  EXPECT_EQ(roster.entries.at(4).state, Membership::kLeft);
+}
+
+TEST(KeeperNode, IsChangedByNothingElse) {
+  MemoryBookStore books;
+  Keepers keepers(books);
+  keepers.hear(3, {kAbroad});
+  keepers.deliver(BusId::kSwarm, channel_of(channel::kCellAnnouncement, kHere), Bytes{1, 2, 3});
+  EXPECT_EQ(keepers.node.refused().total(), 1);
+  keepers.now += 10s;
+  Bench<KeeperNode>& bench = keepers;
+  CellAnnouncement late{};  // recorded, and played again
+  late.robot.header = make_header(3, 5, 100, keepers.now - 5s);
+  late.robot.radius = 0.2f;
+  late.robot.committed = Trajectory::hover(1, kStart, {1, 2, 1}).to_wire();
+  late.cells[kHere] = {kWish, true};
+  const auto packed = pack(&late);
+  Bytes bytes;
+  encode(*packed, &bytes);
+  bench.deliver(BusId::kSwarm, channel_of(channel::kCellAnnouncement, kHere), bytes);
+  EXPECT_EQ(keepers.node.refused()[Refusal::kTime], 1);
+  keepers.run_for(1.0);
+  EXPECT_TRUE(keepers.out.letters.empty());
+  EXPECT_TRUE(books.load().empty());
+}
+
+// Whoever would no longer fit its roster's frame waits.
+TEST(KeeperNode, TakesNoMoreMembersThanItsRosterHolds) {
+  MemoryBookStore books;
+  Keepers keepers(books);
+  for (int id = 0; id < 200; ++id) keepers.hear(100 * id, {kHere});
+  keepers.run_for(0.01);
+  const std::size_t members = keepers.rosters(kHere).back().entries.size();
+  EXPECT_GE(members, 30u);
+  EXPECT_LE(members, 60u);
+  EXPECT_EQ(keepers.node.passed_over(), 200 - static_cast<std::int64_t>(members));
+  keepers.hear(0, {kHere}, false);
+  keepers.run_for(0.01);
+  EXPECT_EQ(keepers.rosters(kHere).back().entries.at(0).state, Membership::kLeft);
+}
+
+TEST(KeeperNode, ListensInAllItsCellsAndRefusesBadGround) {
+  MemoryBookStore books;
+  KeeperConfig config;
+  EXPECT_EQ(KeeperNode(config, books, 1).subscriptions().size(), 9u);  // -8 to 8 m: three cells touch that
+  config.ground_max.x() = config.ground_min.x();
+  EXPECT_THROW(KeeperNode(config, books, 1), OptionError);
+  config.ground_max.x() = 1e6;
+  EXPECT_THROW(KeeperNode(config, books, 1), OptionError);
+  config = KeeperConfig();
+  config.cell_m = 0.0;
+  EXPECT_THROW(KeeperNode(config, books, 1), OptionError);
+}
+
+}  // namespace
+}  // namespace swarm::test
