@@ -26,6 +26,9 @@ template <class Arguments, class Visit>
 void for_each_number(Arguments& arguments, const Visit& visit) {
   auto& link = arguments.link;
   visit("time-limit", arguments.time_limit_s, 0.1, 86400, "s", "of simulated time");
+  visit("cells", arguments.cells_m, 0, 1000, "m",
+        "lock-step: robots fly in cells of the ground with edges of this, each with a keeper, as more than 60 must; 0: "
+        "all know all");
   visit("link-delay-ms", link.delay_ms, 0, 10'000, "ms", "that messages between robots take longer");
   visit("link-jitter-ms", link.jitter_ms, 0, 10'000, "ms", "the delay is uniform within +- this, at least 0");
   visit("link-loss", link.loss, 0, 1, "", "share of the messages between robots that never arrives");
@@ -113,6 +116,7 @@ FlightOptions flight_options(const FlightArguments& arguments) {
   overlay(arguments.planner_config, &options.planner);
   overlay(arguments.broadcast_config, &options.broadcast);
   overlay(arguments.perception_config, &options.perception);
+  options.cells_m = arguments.cells_m;
   options.link = arguments.link;
   options.clock_offset_ms = arguments.clock_offset_ms;
   options.link.outages = parse_outages(arguments.outages);

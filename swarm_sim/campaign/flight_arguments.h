@@ -15,6 +15,7 @@ struct FlightArguments {
   VehicleOptions vehicle;  // what differs from the usual goes before what the world says
   SensorOptions sensor;
   std::string map_config, planner_config, broadcast_config, perception_config;  // files; empty: defaults
+  double cells_m = 0.0;                                                         // as in FlightOptions
   LinkOptions link;                                                             // without its outages
   double clock_offset_ms = 0.0;
   std::string outages, state_outages;  // as parse_outages() takes them

@@ -8,6 +8,8 @@ namespace swarm {
 namespace {
 
 constexpr double kSideRoom_m = 1.0;
+constexpr double kCellRoom_m = 5.0;          // beyond the space, where who steps aside may be
+constexpr double kForgetPeersAfter_s = 3.0;  // in cells, where they come and go
 
 std::string known_map(const World& world) {
   return world.sensor.known_map == "none" ? std::string() : world.static_map.string();
@@ -51,6 +53,7 @@ PlannerNodeConfig planner_config(const World& world, const WorldRobot& robot, co
   PlannerNodeConfig config = options.planner;
   config.robot_id = robot.id;
   config.planner.space.radius_m = robot.radius_m;
+  if (options.cells_m > 0.0) config.forget_peers_after_s = kForgetPeersAfter_s;
   config.planner.static_map = map_of_guidance(world, robot, options);
   SearchLimits& limits = config.planner.limits;
   static_cast<MotionLimits&>(limits) = limits_of(world, robot);
@@ -67,11 +70,22 @@ BroadcastConfig broadcast_config(const World& world, const WorldRobot& robot, co
   config.radius_m = robot.radius_m;
   config.limits = limits_of(world, robot);
   config.roster.clear();
+  config.cell_m = options.cells_m;
+  if (config.cell_m > 0.0) return config;
   const auto is_stranger = [&options](int id) {
     return std::ranges::find(options.strangers, id) != options.strangers.end();
   };
   for (const WorldRobot& other : world.robots)
     if (!is_stranger(other.id) && !is_stranger(robot.id)) config.roster.push_back(other.id);
+  return config;
+}
+
+KeeperConfig keeper_config(const World& world, const FlightOptions& options) {
+  KeeperConfig config;
+  config.cell_m = options.cells_m;
+  config.ground_min = world.space.min.head<2>().array() - kCellRoom_m;
+  config.ground_max = world.space.max.head<2>().array() + kCellRoom_m;
+  config.clock_error_s = options.broadcast.clock_error_s;
   return config;
 }
 
@@ -89,6 +103,10 @@ std::span<const char* const> daemons_in(const World& world) {
 void check_robots(const World& world, const FlightOptions& options) {
   if (!options.kept_maps.empty() && !world.sensor.is_ranging())
     throw OptionError("keep-maps: robots make no maps without --sensor lidar or depth");
+  if (options.cells_m == 0.0 && std::ssize(world.robots) > kMaxRosterRobots) {
+    throw OptionError("cells: " + std::to_string(world.robots.size()) + " robots; by one roster fly at most " +
+                      std::to_string(kMaxRosterRobots) + ", more with --cells");
+  }
   for (const Kill& kill : options.kills) {
     (void)index_of_robot(world, kill.robot_id, "kill");
     if (kill.daemon >= daemons_in(world).size())

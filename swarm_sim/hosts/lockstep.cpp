@@ -15,6 +15,7 @@
 namespace swarm {
 namespace {
 
+constexpr int kKeeper = -1;                      // among the robots' ids: of all cells
 constexpr Utime kEpoch = Utime(1'000'000'000s);  // simulated time of world time 0
 
 // What the nodes of one robot have done, over all their lives.
@@ -130,6 +131,7 @@ RunReport run_lockstep(const World& world, const OccupiedCubes* static_map, cons
   const std::array<Duration, kDaemons.size()> work_times = {delays.map, delays.plan, 0us, delays.look};
   const std::size_t num_daemons = daemons_in(world).size();
   std::deque<MemoryPromiseStore> promises(world.robots.size());
+  MemoryBookStore books;
   std::vector<RobotWork> work(world.robots.size());
   LinkModel link(options.link, seed_of(world.name));
   std::optional<RadioChannel> radio;
@@ -162,6 +164,11 @@ RunReport run_lockstep(const World& world, const OccupiedCubes* static_map, cons
   for (std::size_t r = 0; r < world.robots.size(); ++r) {
     host->add({world.robots[r].id, onboard(world.robots[r]), ""},
               [&simulation, r] { return std::make_unique<EnvironmentNode>(simulation, r); });
+  }
+  if (options.cells_m > 0.0) {
+    host->add({kKeeper, "", "swarm"}, [&, config = keeper_config(world, options), boot = 0]() mutable {
+      return std::make_unique<KeeperNode>(config, books, ++boot);
+    });
   }
   for (const Kill& kill : options.kills) {
     const std::size_t robot = index_of_robot(world, kill.robot_id, "kill");

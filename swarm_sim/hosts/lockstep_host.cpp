@@ -1,8 +1,11 @@
 #include "swarm_sim/hosts/lockstep_host.h"
 
+#include <algorithm>
 #include <array>
 #include <limits>
+#include <set>
 #include <tuple>
+#include <utility>
 
 #include "lcmtypes/bus/node_clock.h"
 #include "swarm_sim/results/air_traffic.h"
@@ -12,8 +15,8 @@ namespace swarm {
 // A node, its buses and its wake-ups.
 class LockstepHost::Place : public Outbox {
  public:
-  Place(LockstepHost& host, const Seat& seat, NodeFactory make_node)
-      : seat_(seat), host_(host), make_node_(std::move(make_node)) {
+  Place(LockstepHost& host, std::size_t number, const Seat& seat, NodeFactory make_node)
+      : number_(number), seat_(seat), host_(host), make_node_(std::move(make_node)) {
     restart();
   }
 
@@ -22,9 +25,12 @@ class LockstepHost::Place : public Outbox {
   // Null: it has crashed.
   const Node* node() const { return node_.get(); }
 
-  void crash() { node_.reset(); }
-  void restart() {
+  void crash() {
     node_.reset();
+    for (const auto& [id, channel] : std::exchange(listens_to_, {})) host_.listen(number_, &bus(id), channel, false);
+  }
+  void restart() {
+    crash();
     clock_ = NodeClock(read());
     node_ = make_node_();
   }
@@ -41,6 +47,11 @@ class LockstepHost::Place : public Outbox {
   void publish_bytes(BusId id, std::string_view channel, std::span<const std::uint8_t> bytes) override {
     host_.send(*this, id, channel, bytes);
   }
+  void listen(BusId id, std::string_view channel, bool listens) override {
+    const std::pair key(id, std::string(channel));
+    listens ? void(listens_to_.insert(key)) : void(listens_to_.erase(key));
+    host_.listen(number_, &bus(id), key.second, listens);
+  }
 
   Utime wake{};  // the wake-up in force; earlier entries in the queue are void
 
@@ -52,8 +63,10 @@ class LockstepHost::Place : public Outbox {
     (void)clock_.offer_step([&](Duration step) { return node_->on_clock_step(time, step); });
   }
 
+  std::size_t number_;
   Seat seat_;
   LockstepHost& host_;
+  std::set<std::pair<BusId, std::string>> listens_to_;  // besides the node's subscriptions
   NodeFactory make_node_;
   NodeClock clock_{read()};
   std::unique_ptr<Node> node_;
@@ -72,9 +85,9 @@ void LockstepHost::add_bus(const std::string& name, Duration delay, Link link, R
 
 std::size_t LockstepHost::add(const Seat& seat, NodeFactory make_node) {
   const std::size_t number = places_.size();
-  const Place& place = *places_.emplace_back(std::make_unique<Place>(*this, seat, std::move(make_node)));
+  const Place& place = *places_.emplace_back(std::make_unique<Place>(*this, number, seat, std::move(make_node)));
   for (const Subscription& subscription : place.node()->subscriptions())
-    place.bus(subscription.bus).places[subscription.channel].push_back(number);
+    listen(number, &place.bus(subscription.bus), subscription.channel, true);
   push(now_, number, What::kWake);
   return number;
 }
@@ -125,6 +138,14 @@ void LockstepHost::send(const Place& from, BusId id, std::string_view channel, s
   bus.radio->send(now_, robot, datagram_bytes(channel, bytes.size()),
                   [this, &bus, message = std::move(message)] { deliver(bus, message, Whose::kOthers); });
   wake_radio(&bus);
+}
+
+void LockstepHost::listen(std::size_t place, Bus* bus, const std::string& channel, bool listens) {
+  std::vector<std::size_t>& places = bus->places[channel];
+  const auto found = std::ranges::lower_bound(places, place);
+  const bool is_there = found != places.end() && *found == place;
+  if (listens && !is_there) places.insert(found, place);
+  if (!listens && is_there) places.erase(found);
 }
 
 void LockstepHost::deliver(const Bus& bus, const Message& message, Whose whose) {

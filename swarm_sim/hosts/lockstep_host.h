@@ -72,7 +72,7 @@ class LockstepHost {
     Link link{};
     RadioChannel* radio = nullptr;
     Utime radio_wake = kNever;  // the wake-up in force; other entries in the queue are void
-    std::map<std::string, std::vector<std::size_t>, std::less<>> places{};  // that listen, by channel
+    std::map<std::string, std::vector<std::size_t>, std::less<>> places{};  // that listen, ascending, by channel
   };
   using Bytes = std::shared_ptr<const std::vector<std::uint8_t>>;
   enum class What : std::uint8_t { kMessage, kWake, kCrash, kRestart, kClock, kRadio };
@@ -102,6 +102,7 @@ class LockstepHost {
 
   void push(Utime time, std::size_t place, What what, Duration by = {});
   void send(const Place& from, BusId bus, std::string_view channel, std::span<const std::uint8_t> bytes);
+  void listen(std::size_t place, Bus* bus, const std::string& channel, bool listens);
   void deliver(const Bus& bus, const Message& message, Whose whose);
   void wake_radio(Bus* air);
   void handle(const Event& event);

@@ -25,6 +25,7 @@
 namespace swarm {
 namespace {
 
+constexpr int kMaxProcessId = 99;  // of a robot: ports are counted by ids
 constexpr Duration kReadyTimeout = 20s;
 
 // A daemon's config file: what its --print-config would print.
@@ -234,6 +235,12 @@ RunReport run_processes(const World& world, const OccupiedCubes* static_map, con
   if (processes.netns.empty() && processes.start_daemons) refuse_used_bus(swarm_bus_url(processes.base_port));
   spdlog::set_level(spdlog::level::warn);
   check_robots(world, options);
+  for (const WorldRobot& robot : world.robots) {
+    if (robot.id > kMaxProcessId) {
+      throw OptionError("robot " + std::to_string(robot.id) + ": processes have ports for ids up to " +
+                        std::to_string(kMaxProcessId) + "; --mode lockstep");
+    }
+  }
   const bool relayed = !options.link.perfect();
   if (!processes.start_daemons && !options.kills.empty())
     throw OptionError("kill: daemons that were not started here cannot be killed either");

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "lcmtypes/bus/codec.h"
 #include "lcmtypes/bus/lcm_wire.h"
@@ -15,6 +16,20 @@ constexpr std::size_t kUdpHeader = 8, kIpHeader = 20, kLlcHeader = 8;
 constexpr std::size_t kMacHeader = 24 + 4;  // of a data frame to a group, with the checksum behind it
 constexpr std::size_t kServiceBits = 16, kTailBits = 6;
 constexpr Duration kPreamble = 20us, kSymbol = 4us;
+
+constexpr int kKeepers = -1;  // among the robots' ids
+
+template <class T>
+std::optional<int> sender(std::span<const std::uint8_t> bytes) {
+  T message;
+  return decode(bytes, &message) == Refusal::kNone ? std::optional<int>(message.header.robot_id) : std::nullopt;
+}
+// Of an announcement or a roster; nothing: it is neither.
+std::optional<int> sender(std::string_view channel, std::span<const std::uint8_t> bytes) {
+  if (is_carried_by<sogm_swarm::cell_announcement_t>(channel)) return sender<sogm_swarm::cell_announcement_t>(bytes);
+  if (!is_carried_by<sogm_swarm::cell_roster_t>(channel)) return sender<sogm_swarm::packed_announcement_t>(bytes);
+  return sender<sogm_swarm::cell_roster_t>(bytes) ? std::optional(kKeepers) : std::nullopt;
+}
 
 double per(double amount, double of) {
   return of > 0.0 ? amount / of : 0.0;
@@ -39,10 +54,10 @@ double frame_airtime_us(std::size_t datagram_bytes, double rate_mbps) {
 }
 
 void AirTraffic::send(double t_s, std::string_view channel, std::span<const std::uint8_t> bytes) {
-  sogm_swarm::packed_announcement_t message;
-  if (t_s < 0.0 || decode(bytes, &message) != Refusal::kNone) return;
+  const std::optional<int> from = t_s < 0.0 ? std::nullopt : sender(channel, bytes);
+  if (!from) return;
   const std::size_t size = datagram_bytes(channel, bytes.size());
-  Count& robot = robots_[message.header.robot_id];
+  Count& robot = robots_[*from];
   ++robot.sent;
   robot.sent_bytes += static_cast<std::int64_t>(size);
   const auto second = static_cast<std::size_t>(t_s);
@@ -68,6 +83,10 @@ void AirTraffic::finish(RunReport* report) const {
     robot.datagram_bytes = per(bytes, sent);
     air.datagrams += count.sent;
     sum_bytes += bytes;
+  }
+  if (const auto keepers = robots_.find(kKeepers); keepers != robots_.end()) {
+    air.datagrams += keepers->second.sent;
+    sum_bytes += static_cast<double>(keepers->second.sent_bytes);
   }
   air.datagram_bytes = per(sum_bytes, static_cast<double>(air.datagrams));
   for (std::size_t i = 0; i < kAirRates_mbps.size(); ++i) {

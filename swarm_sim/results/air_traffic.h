@@ -48,8 +48,8 @@ struct RadioCounts {
 // Counts the datagrams of a flight.
 class AirTraffic {
  public:
-  // A message that a robot sent to all others at world time `t_s`; before the flight (below 0) and what is no
-  // announcement does not count.
+  // A message that a robot, or a keeper, sent to all others at world time `t_s`; before the flight (below 0) and what
+  // is neither announcement nor roster does not count.
   void send(double t_s, std::string_view channel, std::span<const std::uint8_t> bytes);
   // So many datagrams arrive at a robot. Without any such call reports do not tell what robots received.
   void receive(int robot_id, std::size_t datagrams);

@@ -7,6 +7,7 @@
 #include "lcmtypes/bus/channels.h"
 #include "lcmtypes/bus/lcm_log.h"
 #include "lcmtypes/bus/packed_announcement.h"
+#include "lcmtypes/bus/packed_cell_messages.h"
 #include "planner_daemon/coordination/deconfliction.h"
 #include "swarm_sim/world/clocks.h"
 
@@ -17,6 +18,17 @@ constexpr Duration kLately = 5s;  // so long a forced motion excuses that it mee
 constexpr Duration kSet = 20ms;  // a clock that differs so much from what it was given has been set; a packet is faster
 
 }  // namespace
+
+// Of the copies that a robot sends to several cells the first one counts.
+Refusal CommitAudit::read_in_cells(std::span<const std::uint8_t> bytes, sogm_swarm::announcement_t* message) {
+  sogm_swarm::cell_announcement_t packed;
+  CellAnnouncement said;
+  Refusal refusal = decode(bytes, &packed);
+  if (refusal == Refusal::kNone) refusal = copies_[packed.header.robot_id].pass(packed.header);
+  if (refusal == Refusal::kNone) refusal = unpack(packed, &said);
+  *message = std::move(said.robot);
+  return refusal;
+}
 
 bool CommitAudit::Announcement::differs(const Announcement& other) const {
   return std::pair(header.boot, motion.seq()) != std::pair(other.header.boot, other.motion.seq());
@@ -36,12 +48,15 @@ bool CommitAudit::Announcement::is_forced(Utime utime) const {
 
 bool CommitAudit::read(std::span<const std::uint8_t> bytes, Announcement* announcement) {
   sogm_swarm::announcement_t message;
-  if (decode_packed(bytes, &message) != Refusal::kNone) return false;
+  Refusal refusal = decode_packed(bytes, &message);
+  if (refusal == Refusal::kFingerprint) refusal = read_in_cells(bytes, &message);
+  if (refusal != Refusal::kNone) return false;
   announcement->header = message.header;
   const auto [radius_m, is_first] = radii_m_.try_emplace(message.header.robot_id, message.radius);
   radius_m->second = std::min<double>(radius_m->second, message.radius);
   announcement->forced_seq = message.forced_seq;
   announcement->motion = motion_of(message);
+  announcement->space = space_of(announcement->motion, {});
   return true;
 }
 
@@ -76,7 +91,9 @@ void CommitAudit::hear(const Announcement& announcement) {
   for (const auto& [other_id, other] : robots_) {
     if (other_id == id) continue;
     const Announcement& theirs = other.newest;
-    if (motions_separated(announcement.motion, theirs.motion, utime, radii_m_.at(id) + radii_m_.at(other_id))) continue;
+    const double apart_m = radii_m_.at(id) + radii_m_.at(other_id);
+    if (announcement.space.exteriorDistance(theirs.space) > apart_m) continue;
+    if (motions_separated(announcement.motion, theirs.motion, utime, apart_m)) continue;
     conflicts_.push_back({utime, id, other_id, announcement.motion.seq(), theirs.motion.seq(),
                           announcement.is_forced(utime) || theirs.is_forced(utime)});
   }
@@ -119,7 +136,8 @@ CommitAudit audit_log(const std::filesystem::path& path, double clock_offset_ms)
   LcmLog log(path);
   CommitAudit audit(clock_offset_ms);
   for (LogEvent event; log.next(&event);) {
-    if (event.channel == channel::kAnnouncement) audit.collect(event.bytes);
+    const std::string_view kind = kind_of(event.channel);
+    if (kind == channel::kAnnouncement || kind == channel::kCellAnnouncement) audit.collect(event.bytes);
   }
   audit.finish();
   return audit;

@@ -2,6 +2,7 @@
 // included, ever come closer than the sum of the radii, without what robots that err announce besides.
 #pragma once
 
+#include <Eigen/Geometry>
 #include <cstdint>
 #include <filesystem>
 #include <map>
@@ -51,6 +52,7 @@ class CommitAudit {
   struct Announcement {
     sogm_swarm::header_t header{};
     Motion motion;
+    Eigen::AlignedBox3d space;    // that it stays in
     std::int32_t forced_seq = 0;  // newest that was committed without everybody's word
     std::optional<Utime> sent;    // by the world's clock, where that counts
     bool is_set_back = false;     // to the world's time
@@ -67,6 +69,7 @@ class CommitAudit {
   };
   // False: it is none.
   bool read(std::span<const std::uint8_t> bytes, Announcement* announcement);
+  Refusal read_in_cells(std::span<const std::uint8_t> bytes, sogm_swarm::announcement_t* message);
   void hear(const Announcement& announcement);
   void hear_collected(std::size_t count);  // so many, the oldest
 
@@ -75,6 +78,7 @@ class CommitAudit {
   double clock_offset_ms_;
 
   std::map<int, double> radii_m_;  // of the robots, by id: the least announced; at times they announce errors with it
+  std::map<int, SequenceGate> copies_;
   std::map<int, Robot> robots_;
   std::map<int, Announcement> newest_;   // collected
   std::vector<Announcement> collected_;  // without repetitions

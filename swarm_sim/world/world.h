@@ -22,8 +22,8 @@ namespace swarm {
 
 class OccupiedCubes;
 
-inline constexpr int kMaxRobots = 60;
-inline constexpr int kMaxRobotId = 99;
+inline constexpr int kMaxRobots = 1000;  // by one roster fly fewer (kMaxRosterRobots)
+inline constexpr int kMaxRobotId = 9999;
 
 // What is wrong with a world: one line with key, value and rule; the file as well when it came from one.
 struct WorldError : std::runtime_error {
@@ -122,9 +122,9 @@ struct ObstacleState {
 // Where `obstacle` is, in closed form; nothing while it does not exist. Any finite t, also before 0.
 std::optional<ObstacleState> state_at(const WorldObstacle& obstacle, const World& world, double t_s);
 
-// Checks what concerns several values at once: 1..60 robots with unique ids in [0, 99], starts and goals inside space
-// (the border included), starts and last goals apart from each other, starts clear of the obstacles at t = 0, moving
-// obstacles inside their bounds, track times increasing. Throws WorldError.
+// Checks what concerns several values at once: 1..kMaxRobots robots with unique ids in [0, kMaxRobotId], starts and
+// goals inside space (the border included), starts and last goals apart from each other, starts clear of the obstacles
+// at t = 0, moving obstacles inside their bounds, track times increasing. Throws WorldError.
 void check_world(const World& world);
 
 // Throws WorldError where a robot's start touches the static map.

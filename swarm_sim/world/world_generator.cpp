@@ -35,12 +35,12 @@ class Draw {
   Random random_;
 };
 
-void add_robot(World* world, const Fleet& fleet, const Eigen::Vector3d& start, const Eigen::Vector3d& goal) {
-  world->robots.push_back({static_cast<int>(world->robots.size()), start, {{goal}}, fleet.robot_m});
+void add_robot(World* world, const Fleet& fleet, const Eigen::Vector3d& start, Mission mission) {
+  world->robots.push_back({static_cast<int>(world->robots.size()), start, std::move(mission), fleet.robot_m});
 }
 // At the height of all tasks of the paper.
 void add_level_robot(World* world, const Fleet& fleet, const Eigen::Vector2d& start, const Eigen::Vector2d& goal) {
-  add_robot(world, fleet, {start.x(), start.y(), kHeight_m}, {goal.x(), goal.y(), kHeight_m});
+  add_robot(world, fleet, {start.x(), start.y(), kHeight_m}, {{{goal.x(), goal.y(), kHeight_m}}});
 }
 
 void add_circle(World* world, const Fleet& fleet) {
@@ -59,7 +59,7 @@ void add_circle(World* world, const Fleet& fleet) {
   world->obstacle_bounds = {{-inner, -inner}, {inner, inner}};
 }
 
-// Starts and goals each apart by a robot's width more than touching, goals away from the starts.
+// Starts and goals each apart by a robot's width more than touching, goals away from where their robots come from.
 void add_random(World* world, const Fleet& fleet, Draw* random) {
   const double edge_m = 2 * fleet.robot_m;
   world->space = {{-fleet.space_m.x() / 2, -fleet.space_m.y() / 2, 0},
@@ -69,12 +69,16 @@ void add_random(World* world, const Fleet& fleet, Draw* random) {
   if ((low.array() >= high.array()).any()) throw WorldError("size: the robots must fit into the space");
   std::vector<Eigen::Vector3d> starts, goals;
   const auto place = [&](std::vector<Eigen::Vector3d>* places, const Eigen::Vector3d* away_from) {
+    const bool hops = away_from != nullptr && fleet.hop_m > 0.0;
+    const Eigen::Vector3d from = hops ? low.cwiseMax((away_from->array() - fleet.hop_m).matrix()) : low;
+    const Eigen::Vector3d to = hops ? high.cwiseMin((away_from->array() + fleet.hop_m).matrix()) : high;
+    const double least_m = std::min(fleet.space_m.head<2>().minCoeff() / 4, hops ? fleet.hop_m / 2 : INFINITY);
     for (int tries = 0; tries < kMaxTries; ++tries) {
-      const Eigen::Vector3d drawn(random->uniform(low.x(), high.x()), random->uniform(low.y(), high.y()),
-                                  random->uniform(low.z(), high.z()));
+      const Eigen::Vector3d drawn(random->uniform(from.x(), to.x()), random->uniform(from.y(), to.y()),
+                                  random->uniform(from.z(), to.z()));
       const bool apart = std::ranges::all_of(
           *places, [&](const Eigen::Vector3d& other) { return (drawn - other).norm() >= 2 * edge_m; });
-      const bool away = away_from == nullptr || (drawn - *away_from).norm() >= fleet.space_m.head<2>().minCoeff() / 4;
+      const bool away = away_from == nullptr || (drawn - *away_from).norm() >= least_m;
       if (!apart || !away) continue;
       places->push_back(drawn);
       return;
@@ -84,8 +88,13 @@ void add_random(World* world, const Fleet& fleet, Draw* random) {
   const int robots = fleet.robots != 0 ? fleet.robots : kUsualRobots;
   for (int i = 0; i < robots; ++i) {
     place(&starts, nullptr);
-    place(&goals, &starts.back());
-    add_robot(world, fleet, starts.back(), goals.back());
+    Mission mission;
+    for (int goal = 0; goal < fleet.goals; ++goal) {
+      const Eigen::Vector3d before = mission.empty() ? starts.back() : mission.back().position;
+      place(&goals, &before);
+      mission.push_back({goals.back()});
+    }
+    add_robot(world, fleet, starts.back(), std::move(mission));
   }
 }
 
@@ -266,6 +275,9 @@ void declare(OptionSet& options, Fleet& fleet) {
   options.add("jerk", &fleet.limits.j_max_mps3, 0, 1e5, "m/s^3", "limit of every robot, per axis; 0: none");
   declare_thrust(options, fleet.limits);
   options.add("space", &fleet.space_m, 1, 1000, "m", "edges of the space of the task random");
+  options.add("goals", &fleet.goals, 1, 100, "", "of each robot of the task random, one after the other");
+  options.add("hop", &fleet.hop_m, 0, 1000, "m",
+              "so far on each axis a robot's next goal of the task random is at most; 0: anywhere");
   options.add("people", &fleet.people,
               "hall: who walks along it, besides: the columns that follow tracks in this world file, or in one of "
               "several FILE,..., "
@@ -287,6 +299,8 @@ std::string command_line(const Fleet& fleet) {
                        {"thrust-max", text_of(f.limits.thrust.most_mps2)},
                        {"tilt-max", text_of(f.limits.thrust.tilt_deg)},
                        {"space", text_of(f.space_m.x()) + "," + text_of(f.space_m.y()) + "," + text_of(f.space_m.z())},
+                       {"goals", std::to_string(f.goals)},
+                       {"hop", text_of(f.hop_m)},
                        {"people", f.people},
                        {"obstacle-acceleration", text_of(f.obstacle_acceleration_mps2)}};
   };
@@ -304,6 +318,8 @@ World make_world(Task task, Environment environment, int obstacles, std::uint64_
   if (fleet.robots != 0 && (fleet.robots < 2 || fleet.robots > kMaxRobots))
     throw WorldError("robots: " + std::to_string(fleet.robots) + " must be in [2, " + std::to_string(kMaxRobots) + "]");
   if (task != Task::kCircle && fleet.circle_m != 0.0) throw WorldError("radius: only the task circle has a radius");
+  if (task != Task::kRandom && (fleet.goals != 1 || fleet.hop_m != 0.0))
+    throw WorldError("goals, hop: only robots of the task random have several goals");
   if (task != Task::kHall && !fleet.people.empty()) throw WorldError("people: only the task hall has people");
   try {
     verify(fleet.limits);

@@ -22,11 +22,13 @@ Environment environment_from(const std::string& text);
 // the circle each goes to its antipode, in the random task from anywhere in the space to anywhere else, in the hall
 // from a room to another one.
 struct Fleet {
-  int robots = 0;                               // circle, random and hall only: [2, 60]; 0: 10, in the hall 8
+  int robots = 0;                               // circle, random and hall only: [2, kMaxRobots]; 0: 10, in the hall 8
   double circle_m = 0.0;                        // radius of the circle: [0.5, 1000]; 0: 10
   double robot_m = 0.2;                         // radius of each robot
   MotionLimits limits = {};                     // of each robot
   Eigen::Vector3d space_m = {12.0, 12.0, 4.0};  // edges of the random task's space
+  int goals = 1;                                // random only: of each robot, one after the other: [1, 100]
+  double hop_m = 0.0;                           // random only: so far on each axis the next one is at most; 0: anywhere
   std::string people = {};                      // world files, comma-separated: who walks along the hall; one, by seed
   double obstacle_acceleration_mps2 = 0.0;      // of every obstacle: [0, kMaxObstacleAcceleration_mps2]
 };

@@ -6,6 +6,7 @@
 #include "lcmtypes/bus/option_set.h"
 #include "map_daemon/octomap_file.h"
 #include "swarm_sim/hosts/lockstep.h"
+#include "swarm_sim/world/world_generator.h"
 #include "tests/support/harness.h"
 
 namespace swarm::test {
@@ -84,6 +85,21 @@ TEST(FlightOptions, MapsAreKeptFromFlightToFlight) {
   ASSERT_NE(free, nullptr);
   EXPECT_FALSE(map->isNodeOccupied(free));
   EXPECT_EQ(map->search(1.0, -1.0, 1.0), nullptr) << "nothing is known behind the wall";
+}
+
+// By one roster or in cells.
+TEST(FlightOptions, ManyRobotsFlyInCells) {
+  World world = make_world(Task::kRandom, Environment::kEmpty, 0, 1, {.robots = 61, .space_m = {40, 40, 4}});
+  FlightOptions options;
+  EXPECT_THROW(check_robots(world, options), OptionError);
+  EXPECT_EQ(planner_config(world, world.robots[0], options).forget_peers_after_s, 0.0);
+  options.cells_m = 8;
+  check_robots(world, options);
+  EXPECT_EQ(broadcast_config(world, world.robots[0], options).cell_m, 8);
+  EXPECT_TRUE(broadcast_config(world, world.robots[0], options).roster.empty());
+  EXPECT_GT(planner_config(world, world.robots[0], options).forget_peers_after_s, 0.0);
+  const KeeperConfig keeper = keeper_config(world, options);
+  EXPECT_TRUE((keeper.ground_min.array() < -20).all() && (keeper.ground_max.array() > 20).all());
 }
 
 }  // namespace

@@ -200,5 +200,34 @@ TEST_F(LockstepHostTest, ANodeNeedsTheBusesItListensTo) {
   EXPECT_THROW(add({.onboard = "own"}, "x", 0us, BusId::kSwarm), std::out_of_range);
 }
 
+// Listens to channel B for a while.
+class Wanderer : public Node {
+ public:
+  explicit Wanderer(Diary& diary) : diary_(diary) {}
+  std::vector<Subscription> subscriptions() const override { return {}; }
+  void on_message(Utime now, BusId, std::string_view channel, std::span<const std::uint8_t>, Outbox&) override {
+    diary_.push_back("hears " + std::string(channel) + " at " + at(now));
+  }
+  Utime step(Utime now, Outbox& outbox) override {
+    outbox.listen(BusId::kSwarm, "B", now >= kStart + 15ms && now < kStart + 35ms);
+    return now + 5ms;
+  }
+
+ private:
+  Diary& diary_;
+};
+
+TEST(LockstepHost, NodesListenAndListenNoMore) {
+  Diary diary, ignored;
+  LockstepHost host(kStart);
+  host.add_bus("air", 1ms);
+  host.add({1, "", "air"}, [&] { return std::make_unique<Talker>("a", BusId::kSwarm, 10ms, ignored); });
+  const std::size_t seat = host.add({2, "", "air"}, [&] { return std::make_unique<Wanderer>(diary); });
+  host.crash(seat, kStart + 32ms, kStart + 50ms);
+  host.add({3, "", "air"}, [&] { return std::make_unique<Stopper>(host, kStart + 100ms); });
+  host.run();
+  EXPECT_EQ(diary, (Diary{"hears B at 21000", "hears B at 31000"}));
+}
+
 }  // namespace
 }  // namespace swarm::test

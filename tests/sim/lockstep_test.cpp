@@ -409,5 +409,26 @@ TEST(Lockstep, ProgressIsReportedTenTimesASecondAndMayEndTheRun) {
   EXPECT_EQ(report.outcome, Outcome::kTimeout);
 }
 
+// Keepers and cells: all arrive, with losses and crashes, nothing meets, and robots hear those nearby alone.
+TEST(Lockstep, RobotsFlyInCells) {
+  const World world = make_world(Task::kRandom, Environment::kEmpty, 0, 2,
+                                 {.robots = 12, .space_m = {40, 12, 4}, .goals = 2, .hop_m = 6});
+  FlightOptions options;
+  options.cells_m = 8;
+  options.link.loss = 0.1;
+  options.link.delay_ms = 5;
+  options.kills = parse_kills("broadcast:3@2,broadcast:5@2.5-4,planner:0@3");
+  const Flight flight(world, options);
+  EXPECT_EQ(flight.report.outcome, Outcome::kSuccess);
+  EXPECT_EQ(flight.report.commit_conflicts, 0);
+  EXPECT_GT(flight.report.commit.count, 12u);
+  EXPECT_GT(flight.report.channels.at(channel::kCellRoster).messages, 100);
+  EXPECT_GT(flight.report.channels.at(channel::kCellAnnouncement).messages, 1000);
+  EXPECT_FALSE(flight.report.channels.contains(channel::kAnnouncement));
+  const Flight again(world, options);
+  EXPECT_EQ(read_text(flight.directory / "trace.csv"), read_text(again.directory / "trace.csv"));
+  EXPECT_EQ(read_text(flight.directory / "swarm.lcm"), read_text(again.directory / "swarm.lcm"));
+}
+
 }  // namespace
 }  // namespace swarm::test

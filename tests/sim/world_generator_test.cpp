@@ -52,7 +52,7 @@ TEST(Generator, CircleSendsEachRobotToItsAntipode) {
     EXPECT_EQ(world.space.max.x(), std::max(8.0, radius + 1));
     EXPECT_EQ(world.obstacle_bounds.max.y(), std::max(7.0, radius - 1));
   }
-  EXPECT_THROW(make_world(Task::kCircle, Environment::kEmpty, 0, 0, {.robots = 61}), WorldError);
+  EXPECT_THROW(make_world(Task::kCircle, Environment::kEmpty, 0, 0, {.robots = kMaxRobots + 1}), WorldError);
   EXPECT_THROW(make_world(Task::kCircle, Environment::kEmpty, 0, 0, {.robots = 60, .circle_m = 3.0}), WorldError)
       << "they would overlap";
 }
@@ -368,6 +368,22 @@ TEST_F(WorldCommand, RefusesBadOptionsWithOneLineAndCode2) {
     EXPECT_TRUE(out_.empty()) << out_;
     EXPECT_TRUE(fs::is_empty(directory_.path()));
   }
+}
+
+TEST(Generator, RandomRobotsGoFromGoalToGoalNotFarAway) {
+  const Fleet fleet{.robots = 100, .space_m = {50, 50, 4}, .goals = 10, .hop_m = 6};
+  const World world = make_world(Task::kRandom, Environment::kEmpty, 0, 3, fleet);
+  ASSERT_EQ(world.robots.size(), 100u);
+  for (const WorldRobot& robot : world.robots) {
+    ASSERT_EQ(robot.mission.size(), 10u);
+    Eigen::Vector3d before = robot.start;
+    for (const Waypoint& goal : robot.mission) {
+      EXPECT_LE((goal.position - before).cwiseAbs().maxCoeff(), 6.0);
+      EXPECT_GE((goal.position - before).norm(), 3.0);
+      before = goal.position;
+    }
+  }
+  EXPECT_THROW(make_world(Task::kCircle, Environment::kEmpty, 0, 1, {.goals = 2}), WorldError);
 }
 
 }  // namespace

@@ -131,7 +131,7 @@ struct BadCase {
 TEST(WorldJson, RefusesBadInputWithOneClearLine) {
   const std::string robot0 = R"({"id": 0, "start": [-8,0,1], "goal": [8,0,1], "radius": 0.2})";
   std::string crowd;
-  for (int i = 0; i < 61; ++i) {
+  for (int i = 0; i < 1001; ++i) {
     const std::string id = std::to_string(i), x = std::to_string(i * 0.39 - 8);
     crowd.append(i == 0 ? "[" : ",").append(R"({"id": )").append(id).append(R"(, "start": [)").append(x);
     crowd.append(R"(, 0, 1], "goal": [)").append(x).append(R"(, 1, 1], "radius": 0.1})");
@@ -175,9 +175,9 @@ TEST(WorldJson, RefusesBadInputWithOneClearLine) {
       {"\"radius\": 0.2", "\"radius\": 0", "robots[0].radius: 0 must be a number in (0, 10]"},
       {"\"radius\": 0.2", "\"radius\": -0.2", "robots[0].radius: -0.2 must be a number in (0, 10]"},
       {"\"id\": 1", "\"id\": 0", "robots[1].id: 0 is taken by robots[0]: ids must be unique"},
-      {"\"id\": 1", "\"id\": 100", "robots[1].id: 100 must be an integer in [0, 99]"},
-      {"\"id\": 1", "\"id\": -1", "robots[1].id: -1 must be an integer in [0, 99]"},
-      {"\"id\": 1", "\"id\": 1.5", "robots[1].id: 1.5 must be an integer in [0, 99]"},
+      {"\"id\": 1", "\"id\": 10000", "robots[1].id: 10000 must be an integer in [0, 9999]"},
+      {"\"id\": 1", "\"id\": -1", "robots[1].id: -1 must be an integer in [0, 9999]"},
+      {"\"id\": 1", "\"id\": 1.5", "robots[1].id: 1.5 must be an integer in [0, 9999]"},
       {"\"start\": [8,1,1]", "\"start\": [-7.7,0,1]",
        "robots[1].start: [-7.7,0,1] must be at least the sum of radii from robots[0]"},
       {"\"goal\": [-8,1,1.0]", "\"goal\": [8,0.1,1]",
@@ -229,9 +229,9 @@ TEST(WorldJson, RefusesBadInputWithOneClearLine) {
        "obstacles[4].shape: 1 must be a text of 1 to 100 characters without control characters"},
       {"{\"shape\": \"sphere\", \"center\": [2,-3,1], \"diameter\": 0.5}", "7", "obstacles[4]: 7 must be an object"},
       {"[" + robot0 + R"(, {"id": 1, "start": [8,1,1], "goal": [-8,1,1.0], "radius": 0.2}])", "[]",
-       "robots: 0 robots must be in [1, 60]"},
+       "robots: 0 robots must be in [1, 1000]"},
       {"[" + robot0 + R"(, {"id": 1, "start": [8,1,1], "goal": [-8,1,1.0], "radius": 0.2}])", crowd + "]",
-       "robots: 61 robots must be in [1, 60]"},
+       "robots: 1001 robots must be in [1, 1000]"},
       {"[" + robot0, "{}, [" + robot0, "must be JSON: "},
       {kGood, "[]", "[] must be an object"},
       {kGood, "", "must be JSON: "},
