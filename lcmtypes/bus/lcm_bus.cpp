@@ -90,6 +90,11 @@ void LcmBus::subscribe(const std::string& channel, Handler handler) {
   hear_subscribed();
 }
 
+void LcmBus::unsubscribe(std::string_view channel) {
+  std::erase_if(subscriptions_, [=](const Subscription& subscription) { return subscription.channel == channel; });
+  hear_subscribed();
+}
+
 bool LcmBus::publish(std::string_view channel, std::span<const std::uint8_t> bytes) {
   join_again();
   if (!keys_.empty()) {

@@ -35,6 +35,8 @@ class LcmBus {
   // Calls `handler` from drain() for each message of exactly this channel, the own ones included, whatever its bytes.
   // Letters, digits and '_' only (std::invalid_argument), for LCM's programs take channels as regular expressions.
   void subscribe(const std::string& channel, Handler handler);
+  // Not from a handler: nobody is called for this channel any more.
+  void unsubscribe(std::string_view channel);
 
   // False when the message could not be sent.
   [[nodiscard]] bool publish(std::string_view channel, std::span<const std::uint8_t> bytes);

@@ -41,8 +41,8 @@ class Outbox {
   // Sends bytes as they are (relays).
   virtual void publish_bytes(BusId bus, std::string_view channel, std::span<const std::uint8_t> bytes) = 0;
 
-  // From now on the node hears this channel as well, or no more; its subscriptions() stay. For nodes that move from
-  // cell to cell. Throws std::logic_error where the host has no such nodes.
+  // From now on the node hears this channel, which is none of its subscriptions(), or no more. For nodes that move from
+  // cell to cell; in step() alone. Throws std::logic_error where the host has no such nodes.
   virtual void listen(BusId bus, std::string_view channel, bool listens);
 
  private:

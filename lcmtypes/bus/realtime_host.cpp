@@ -103,10 +103,7 @@ class RealtimeHost::Seat : public Outbox {
         patient =
             id == BusId::kOnboard ? std::make_unique<LcmBus>(onboard_url) : std::make_unique<LcmBus>(swarm_url, keys);
       const auto& bus = can_wait ? patient : port(id).bus;
-      bus->subscribe(subscription.channel, [this, id](std::string_view channel, std::span<const std::uint8_t> bytes) {
-        if (config_.source == TimeSource::kMessages) follow(bytes);
-        node_.on_message(watch_clock(), id, channel, bytes, *this);
-      });
+      subscribe(*bus, id, subscription.channel);
       channels[static_cast<std::size_t>(id)] += " " + subscription.channel;
     }
     for (const BusId id : {BusId::kOnboard, BusId::kSwarm}) {
@@ -138,6 +135,12 @@ class RealtimeHost::Seat : public Outbox {
     const bool sent = bus && bus->publish(channel, bytes);
     if (!sent && send_warnings_.pass()) spdlog::warn("{}: could not send {} ({} bytes)", name_, channel, bytes.size());
   }
+  void listen(BusId id, std::string_view channel, bool listens) override {
+    const auto& bus = port(id).bus;
+    if (!bus) throw std::invalid_argument(name_ + " listens to " + std::string(channel) + " on a bus without URL");
+    bus->unsubscribe(channel);
+    if (listens) subscribe(*bus, id, std::string(channel));
+  }
 
  private:
   struct Port {
@@ -146,6 +149,13 @@ class RealtimeHost::Seat : public Outbox {
     std::optional<boost::asio::posix::stream_descriptor> descriptor;
     std::int64_t forged_told = 0;
   };
+
+  void subscribe(LcmBus& bus, BusId id, const std::string& channel) {
+    bus.subscribe(channel, [this, id](std::string_view name, std::span<const std::uint8_t> bytes) {
+      if (config_.source == TimeSource::kMessages) follow(bytes);
+      node_.on_message(watch_clock(), id, name, bytes, *this);
+    });
+  }
 
   Port& port(BusId id) { return ports_[static_cast<std::size_t>(id)]; }
 

@@ -219,5 +219,43 @@ TEST(DaemonMain, PrintsItsConfig) {
   }
 }
 
+// Speaks all the time; listens to what it says from its fifth step on until it has heard three.
+class Roamer : public Node {
+ public:
+  explicit Roamer(RealtimeHost& host) : host_(host) {}
+  std::vector<Subscription> subscriptions() const override { return {}; }
+  void on_message(Utime, BusId, std::string_view channel, std::span<const std::uint8_t>, Outbox&) override {
+    EXPECT_EQ(channel, "NEWS");
+    ++(listens_ ? heard : heard_else);
+  }
+  Utime step(Utime now, Outbox& outbox) override {
+    if (now < next_) return next_;
+    ++steps_;
+    const bool listens = steps_ >= 5 && heard < 3;
+    if (listens != listens_) outbox.listen(BusId::kSwarm, "NEWS", listens_ = listens);
+    outbox.publish_bytes(BusId::kSwarm, "NEWS", Bytes{1});
+    outbox.publish_bytes(BusId::kSwarm, "OTHERS", Bytes{1});
+    if (steps_ == 200 || (heard >= 3 && ++after_ == 20)) host_.stop();
+    return next_ = now + 5ms;
+  }
+
+  int heard = 0, heard_else = 0;
+
+ private:
+  RealtimeHost& host_;
+  Utime next_{};
+  bool listens_ = false;
+  int steps_ = 0, after_ = 0;
+};
+
+TEST_F(LcmBusTest, NodesListenAndListenNoMore) {
+  RealtimeHost host;
+  Roamer node(host);
+  host.add("roamer", node, "", test_url(4));
+  host.run();
+  EXPECT_GE(node.heard, 3);
+  EXPECT_EQ(node.heard_else, 0);
+}
+
 }  // namespace
 }  // namespace swarm::test
