@@ -115,6 +115,8 @@ void check_robots(const World& world, const FlightOptions& options) {
   for (const ClockStep& step : options.clock_steps) (void)index_of_robot(world, step.robot_id, "clock-step");
   for (const Outage& outage : options.link.outages) (void)index_of_robot(world, outage.robot_id, "link-outage");
   for (const Outage& outage : options.state_outages) (void)index_of_robot(world, outage.robot_id, "state-outage");
+  if (options.cells_m > 0.0 && !options.strangers.empty())
+    throw OptionError("strangers: with --cells there are no rosters");
   for (const int id : options.strangers) (void)index_of_robot(world, id, "strangers");
 }
 
