@@ -109,7 +109,9 @@ class RealtimeHost::Seat : public Outbox {
     for (const BusId id : {BusId::kOnboard, BusId::kSwarm}) {
       const auto& bus = port(id).bus;
       if (!bus) continue;
-      const auto& heard = channels[static_cast<std::size_t>(id)];
+      std::string& heard = channels[static_cast<std::size_t>(id)];
+      if (const std::size_t end = heard.find(' ', 300); end != std::string::npos)
+        heard.replace(end, heard.npos, " ...");
       spdlog::info("{}: {} bus {}, listens to{}", name_, id == BusId::kOnboard ? "onboard" : "swarm",
                    bus->url().to_string(), heard.empty() ? " nothing" : heard);
       for (const std::string& warning : bus->warnings()) spdlog::warn("{}: {}", name_, warning);
@@ -308,8 +310,8 @@ int daemon_main(const std::string& program, const std::string& usage, int argc, 
     spdlog::set_default_logger(
         std::make_shared<spdlog::logger>(program, std::make_shared<spdlog::sinks::stderr_color_sink_mt>()));
     spdlog::set_pattern("%Y-%m-%d %H:%M:%S.%e %^%l%$ %v");
-    std::string onboard_url = kDefaultOnboardUrl;
-    std::string swarm_url = buses == DaemonBuses::kOnboardAndSwarm ? kDefaultSwarmUrl : "";
+    std::string onboard_url = buses == DaemonBuses::kSwarm ? "" : kDefaultOnboardUrl;
+    std::string swarm_url = buses == DaemonBuses::kOnboard ? "" : kDefaultSwarmUrl;
     OptionSet options(program, usage);
     declare(options);
     bool replay = false;
@@ -317,7 +319,8 @@ int daemon_main(const std::string& program, const std::string& usage, int argc, 
     options.add("replay", &replay, "take the time from the messages instead of the clock: for replayed logs");
     options.add("clock-offset-ms", &clock_offset_ms, -10'000, 10'000, "ms",
                 "added to this computer's clock, to try what wrong clocks do");
-    options.add("onboard-url", &onboard_url, "bus inside the robot, one port per robot", check_url);
+    if (!onboard_url.empty())
+      options.add("onboard-url", &onboard_url, "bus inside the robot, one port per robot", check_url);
     std::string key_file;
     bool insecure = false;
     if (!swarm_url.empty()) {

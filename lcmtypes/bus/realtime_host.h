@@ -68,10 +68,10 @@ class RealtimeHost {
 // What else shall live in a daemon's event loop: made when the node is on its buses, gone before the host is.
 using Attachment = std::function<std::shared_ptr<void>(RealtimeHost&)>;
 
-enum class DaemonBuses { kOnboard, kOnboardAndSwarm };
+enum class DaemonBuses { kOnboard, kOnboardAndSwarm, kSwarm };
 
-// All of a daemon's main(): `declare` adds the node's options, --onboard-url (and --swarm-url, --key-file, --insecure)
-// come with it;
+// All of a daemon's main(): `declare` adds the node's options; --onboard-url, --swarm-url, --key-file and --insecure,
+// as far as it has these buses, come with it;
 // `make_node` is called when they are read, `attach` (if any) after it. Returns 2 after one line on stderr for whatever
 // is wrong with options, node, buses or attachment.
 int daemon_main(const std::string& program, const std::string& usage, int argc, const char* const* argv,

@@ -18,34 +18,40 @@ constexpr std::ptrdiff_t kMostCells = 10'000;
 
 }  // namespace
 
+void declare(OptionSet& options, KeeperConfig& config) {
+  options.add("keeper-id", &config.keeper_id, 0, 32767, "", "this keeper, among those of other parts of the ground");
+  options.add("cells", &config.cell_m, 1, 1000, "m", "edge of the cells, the same for all robots and keepers");
+  options.add("space-min", &config.space_min, -1e5, 1e5, "m",
+              "flight space, lower corner: all cells that it has a part of are kept by this keeper, and by no other");
+  options.add("space-max", &config.space_max, -1e5, 1e5, "m", "flight space, upper corner");
+  options.add("roster-period", &config.roster_s, 0.01, 10, "s",
+              "repetition of rosters, while anybody speaks in a cell");
+  options.add("expel-after", &config.expel_after_s, 0.1, 1e6, "s",
+              "who was not heard for so long is no member any more");
+  options.add("clock-error", &config.clock_error_s, 0, 1, "s", "messages from further in the future are refused");
+  options.add("state-dir", &config.state_dir,
+              "directory, in memory as /run, where books survive a crash of the daemon; none: they do not");
+}
+
 void verify(const KeeperConfig& config) {
   if (!(config.cell_m >= 1.0)) throw OptionError("--cells: " + text_of(config.cell_m) + " m; must be at least 1 m");
-  if ((config.ground_min.array() >= config.ground_max.array()).any())
-    throw OptionError("--ground-min: must be below --ground-max on every axis");
-  const Eigen::Vector2d cells = (config.ground_max - config.ground_min) / config.cell_m + Eigen::Vector2d(1, 1);
+  if ((config.space_min.array() >= config.space_max.array()).any())
+    throw OptionError("--space-min: must be below --space-max on every axis");
+  const Eigen::Vector2d cells = (config.space_max - config.space_min).head<2>() / config.cell_m + Eigen::Vector2d(1, 1);
   if (cells.prod() > kMostCells) {
-    throw OptionError("--ground-min, --ground-max: " + text_of(std::ceil(cells.prod())) + " cells; at most " +
+    throw OptionError("--space-min, --space-max: " + text_of(std::ceil(cells.prod())) + " cells; at most " +
                       std::to_string(kMostCells));
   }
-}
-
-std::vector<CellKeeper::Book> MemoryBookStore::load() {
-  std::vector<CellKeeper::Book> books;
-  for (const auto& entry : books_) books.push_back(entry.second);
-  return books;
-}
-
-bool MemoryBookStore::save(const CellKeeper::Book& book) {
-  books_[book.cell] = book;
-  return true;
 }
 
 KeeperNode::KeeperNode(const KeeperConfig& config, BookStore& store, std::int32_t boot)
     : config_((verify(config), config)), store_(store), headers_(config.keeper_id, boot) {
   for (const CellKeeper::Book& book : store.load()) cells_.try_emplace(book.cell, Kept{CellKeeper(book)});
-  const auto index = [this](double value) { return static_cast<std::int32_t>(std::floor(value / config_.cell_m)); };
-  for (std::int32_t x = index(config.ground_min.x()); x <= index(config.ground_max.x()); ++x) {
-    for (std::int32_t y = index(config.ground_min.y()); y <= index(config.ground_max.y()); ++y)
+  // Two keepers may share a border, but no cell.
+  const Eigen::Vector2i first = (config_.space_min.head<2>() / config_.cell_m).array().floor().cast<int>();
+  const Eigen::Vector2i end = (config_.space_max.head<2>() / config_.cell_m).array().ceil().cast<int>();
+  for (std::int32_t x = first.x(); x < end.x(); ++x) {
+    for (std::int32_t y = first.y(); y < end.y(); ++y)
       cells_.try_emplace({x, y}, Kept{CellKeeper(CellKeeper::Book{{x, y}})});
   }
 }
@@ -131,6 +137,21 @@ bool KeeperNode::on_clock_step(Utime, Duration step) {
     if (kept.newest != Utime()) kept.newest += step;
   }
   return true;
+}
+
+Activity KeeperNode::activity(Utime) const {
+  int members = 0, expelled = 0;
+  for (const auto& [cell, kept] : cells_) {
+    for (const auto& [id, record] : kept.keeper.book().records) {
+      members += record.state == Membership::kMember ? 1 : 0;
+      expelled += record.state == Membership::kExpelled ? 1 : 0;
+    }
+  }
+  if (passed_over_ > 0)
+    return {true, "passed over what robots announced: a roster is full, or --state-dir cannot be written",
+            std::to_string(passed_over_) + " times"};
+  return {.text = "keeps " + std::to_string(cells_.size()) + " cells: " + std::to_string(members) + " members" +
+                  (expelled > 0 ? ", " + std::to_string(expelled) + " who fell silent" : "")};
 }
 
 }  // namespace swarm

@@ -10,42 +10,28 @@
 
 #include "lcmtypes/bus/header_source.h"
 #include "lcmtypes/bus/node.h"
+#include "lcmtypes/bus/option_set.h"
 #include "lcmtypes/bus/receive.h"
 #include "lcmtypes/bus/recurring.h"
+#include "planner_daemon/coordination/book_store.h"
 #include "planner_daemon/coordination/cell_keeper.h"
 
 namespace swarm {
 
 struct KeeperConfig {
   int keeper_id = 0;
-  double cell_m = 8.0;                                         // edge of the cells
-  Eigen::Vector2d ground_min = {-8, -8}, ground_max = {8, 8};  // all cells that this touches are kept; W [m]
-  double roster_s = 0.05;                                      // repetition of rosters
-  double expel_after_s = 2.0;                                  // who was not heard for so long
-  double clock_error_s = 0.01;                                 // messages from further in the future are refused
+  double cell_m = 8.0;  // edge of the cells
+  // Flight space, W [m]: all cells that it has a part of are kept here, and nowhere else.
+  Eigen::Vector3d space_min = {-16, -16, 0}, space_max = {16, 16, 4};
+  double roster_s = 0.05;       // repetition of rosters
+  double expel_after_s = 2.0;   // who was not heard for so long
+  double clock_error_s = 0.01;  // messages from further in the future are refused
+  std::string state_dir;        // where books survive a crash; empty: nowhere
 };
 
+void declare(OptionSet& options, KeeperConfig& config);
 // Throws OptionError on what cannot work.
 void verify(const KeeperConfig& config);
-
-// Where books survive a crash.
-class BookStore {
- public:
-  virtual ~BookStore() = default;
-  virtual std::vector<CellKeeper::Book> load() = 0;
-  // False when it could not be saved; what was saved before of that cell is then still there.
-  [[nodiscard]] virtual bool save(const CellKeeper::Book& book) = 0;
-};
-
-// Outlives the node, not the process.
-class MemoryBookStore : public BookStore {
- public:
-  std::vector<CellKeeper::Book> load() override;
-  bool save(const CellKeeper::Book& book) override;
-
- private:
-  std::map<Cell, CellKeeper::Book> books_;
-};
 
 class KeeperNode : public Node {
  public:
@@ -57,6 +43,7 @@ class KeeperNode : public Node {
                   Outbox& outbox) override;
   Utime step(Utime now, Outbox& outbox) override;
   bool on_clock_step(Utime now, Duration step) override;
+  Activity activity(Utime now) const override;
 
   const RefusalCounts& refused() const { return refused_; }
   // Changes that were not made: the cell's roster would no longer fit a frame, or its book could not be saved.

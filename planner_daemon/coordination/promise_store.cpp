@@ -1,21 +1,12 @@
 #include "planner_daemon/coordination/promise_store.h"
 
-#include <fcntl.h>
-#include <linux/magic.h>
 #include <spdlog/spdlog.h>
-#include <sys/file.h>
-#include <sys/vfs.h>
-#include <unistd.h>
 
 #include <algorithm>
-#include <cerrno>
-#include <cstring>
 #include <exception>
 #include <fstream>
 #include <limits>
 #include <optional>
-#include <stdexcept>
-#include <string>
 #include <utility>
 
 #include "lcmtypes/bus/atomic_file.h"
@@ -26,11 +17,6 @@ namespace swarm {
 namespace {
 
 constexpr std::size_t kMaxPromise = 4096;  // bytes; an announcement of the largest roster has half of that
-
-bool is_in_memory(int file) {
-  struct statfs file_system {};
-  return ::fstatfs(file, &file_system) == 0 && (file_system.f_type == TMPFS_MAGIC || file_system.f_type == RAMFS_MAGIC);
-}
 
 // Its announcement and its flight status, which is as long as the fixed part of one.
 std::pair<std::span<const std::uint8_t>, std::span<const std::uint8_t>> split_promise(
@@ -52,24 +38,12 @@ Refusal read_promise(std::span<const std::uint8_t> bytes, CellAnnouncement* prom
 
 }  // namespace
 
-FilePromiseStore::FilePromiseStore(const std::filesystem::path& path) : paths_{path, path.string() + ".copy"} {
-  const std::string lock = path.string() + ".lock";
-  lock_ = ::open(lock.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NONBLOCK, 0600);
-  if (lock_ >= 0 && ::flock(lock_, LOCK_EX | LOCK_NB) == 0) {
-    if (!is_in_memory(lock_)) {
-      spdlog::warn("--state-dir {}: is on a disk; setpoints wait where that one is busy, in memory (/run) they do not",
-                   path.parent_path().string());
-    }
-    return;
-  }
-  const std::string reason =
-      errno == EWOULDBLOCK ? "another broadcast_daemon of this robot runs here" : std::strerror(errno);
-  if (lock_ >= 0) ::close(lock_);
-  throw std::runtime_error(lock + ": cannot be locked: " + reason);
-}
-
-FilePromiseStore::~FilePromiseStore() {
-  ::close(lock_);
+FilePromiseStore::FilePromiseStore(const std::filesystem::path& path)
+    : paths_{path, path.string() + ".copy"},
+      lock_(path.string() + ".lock", "another broadcast_daemon of this robot runs here") {
+  if (lock_.is_in_memory()) return;
+  spdlog::warn("--state-dir {}: is on a disk; setpoints wait where that one is busy, in memory (/run) they do not",
+               path.parent_path().string());
 }
 
 PromiseStore::Copies FilePromiseStore::load() {

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "lcmtypes/bus/cell_messages.h"
+#include "lcmtypes/bus/lock_file.h"
 #include "planner_daemon/trajectory/motion.h"
 #include "sogm_swarm/flight_status_t.hpp"
 
@@ -50,9 +51,6 @@ class FilePromiseStore : public PromiseStore {
  public:
   // Throws std::runtime_error with path and reason: another has it, or it cannot be locked. Logs that it is on a disk.
   explicit FilePromiseStore(const std::filesystem::path& path);
-  ~FilePromiseStore() override;
-  FilePromiseStore(const FilePromiseStore&) = delete;
-  FilePromiseStore& operator=(const FilePromiseStore&) = delete;
 
   // Logs what is there and is no promise file.
   Copies load() override;
@@ -60,7 +58,7 @@ class FilePromiseStore : public PromiseStore {
 
  private:
   std::array<std::filesystem::path, 2> paths_;
-  int lock_ = -1;
+  LockFile lock_;
 };
 
 // How a robot starts: `boot` is higher than that of the start whose promise was kept; `first_boot` where none was.

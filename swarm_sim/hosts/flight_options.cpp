@@ -83,8 +83,8 @@ BroadcastConfig broadcast_config(const World& world, const WorldRobot& robot, co
 KeeperConfig keeper_config(const World& world, const FlightOptions& options) {
   KeeperConfig config;
   config.cell_m = options.cells_m;
-  config.ground_min = world.space.min.head<2>().array() - kCellRoom_m;
-  config.ground_max = world.space.max.head<2>().array() + kCellRoom_m;
+  config.space_min = world.space.min.array() - kCellRoom_m;
+  config.space_max = world.space.max.array() + kCellRoom_m;
   config.clock_error_s = options.broadcast.clock_error_s;
   return config;
 }

@@ -171,7 +171,7 @@ TEST(WorldCommand, BadOptionsWriteNothing) {
   expect({"--obstacles", "3", "--env", "empty"}, {"obstacles: 3", "[0, 0]"});
   expect({"--seed", "-1"}, {"--seed -1", "[0, 2147483647]"});
   expect({"--robots", "5"}, {"robots", "circle"});
-  expect({"--task", "circle", "--robots", "1"}, {"robots: 1", "[2, 60]"});
+  expect({"--task", "circle", "--robots", "1"}, {"robots: 1", "[2, 1000]"});
   expect({"--task", "circle", "--robots", "40", "--radius", "0.5"}, {"start", "sum of radii"});
   expect({"--sead", "1"}, {"unknown option '--sead'"});
   expect_complaint({"swarm_sim", "world"}, {"-o FILE"});

@@ -99,7 +99,7 @@ TEST(FlightOptions, ManyRobotsFlyInCells) {
   EXPECT_TRUE(broadcast_config(world, world.robots[0], options).roster.empty());
   EXPECT_GT(planner_config(world, world.robots[0], options).forget_peers_after_s, 0.0);
   const KeeperConfig keeper = keeper_config(world, options);
-  EXPECT_TRUE((keeper.ground_min.array() < -20).all() && (keeper.ground_max.array() > 20).all());
+  EXPECT_TRUE((keeper.space_min.array() < -20).head(2).all() && (keeper.space_max.array() > 20).head(2).all());
 }
 
 }  // namespace

@@ -132,10 +132,10 @@ TEST(KeeperNode, TakesNoMoreMembersThanItsRosterHolds) {
 TEST(KeeperNode, ListensInAllItsCellsAndRefusesBadGround) {
   MemoryBookStore books;
   KeeperConfig config;
-  EXPECT_EQ(KeeperNode(config, books, 1).subscriptions().size(), 9u);  // -8 to 8 m: three cells touch that
-  config.ground_max.x() = config.ground_min.x();
+  EXPECT_EQ(KeeperNode(config, books, 1).subscriptions().size(), 16u);  // -16 to 16 m
+  config.space_max.x() = config.space_min.x();
   EXPECT_THROW(KeeperNode(config, books, 1), OptionError);
-  config.ground_max.x() = 1e6;
+  config.space_max.x() = 1e6;
   EXPECT_THROW(KeeperNode(config, books, 1), OptionError);
   config = KeeperConfig();
   config.cell_m = 0.0;
