@@ -41,17 +41,6 @@ bool is_hover_again(const Motion& own, const Trajectory& plan) {
   return hovers({plan, {}}, plan.start_utime(), place) && hovers(own, plan.start_utime(), place);
 }
 
-// Nothing moves in it, as far as it tells: its first frame is its last.
-bool stands_still(const Sogm& map) {
-  const auto first = map.words().begin(), last = map.words().end() - map.geometry.words_per_frame();
-  bool same = true;
-  map.for_each_used_run([&](std::size_t from, std::size_t to) {
-    const auto begin = static_cast<std::ptrdiff_t>(from), end = static_cast<std::ptrdiff_t>(to);
-    same = same && std::equal(first + begin, first + end, last + begin);
-  });
-  return same;
-}
-
 }  // namespace
 
 void declare(OptionSet& options, PlannerNodeConfig& config) {
@@ -325,11 +314,10 @@ Duration PlannerNode::calm_period(Utime now) const {
 }
 
 // The newest plan leads to where the robot is to go and is flown, and that keeps clear of all that is known; but who
-// sees by itself knows less surely what moves, and each scan says more.
+// sees by itself knows less, and each scan says more.
 bool PlannerNode::is_calm(Utime now) const {
-  return newest_ != nullptr && newest_->fly && planned_to_ == destination() && flies_newest() &&
-         (seen_.num_frames == 0 || stands_still(map_)) &&
-         keeps_clear(*own_, map_, peer_list_, config_.planner.space.blocked_m(), now);
+  return seen_.num_frames == 0 && newest_ != nullptr && newest_->fly && planned_to_ == destination() &&
+         flies_newest() && keeps_clear(*own_, map_, peer_list_, config_.planner.space.blocked_m(), now);
 }
 
 bool PlannerNode::flies_newest() const {
