@@ -1,4 +1,5 @@
-// Exact distances against sampled surfaces, and rasterisation against the distances sampled densely in time.
+// Exact distances against sampled surfaces, and rasterisation against the distances sampled densely in time. Long
+// because each shape is tried in both ways.
 #include "map_daemon/obstacle.h"
 
 #include <gtest/gtest.h>
