@@ -210,8 +210,8 @@ class Painter {
     const double dx = (x + g.origin.x() + 0.5) * g.resolution_m - sweep.center.x();
     const double per_m = 1.0 / g.resolution_m, zero = sweep.center.y() * per_m - 0.5 - g.origin.y();
     const double middle = zero - per_m * cot_yaw_ * dx, half = per_m * sweep.reach * inverse_sin_;
-    *begin = static_cast<int>(std::clamp<double>(middle - half, *begin, *end + 1.0));
-    *end = std::min(static_cast<int>(std::clamp<double>(middle + half, *begin - 1.0, *end)) + 1, *end);
+    *begin = std::max(*begin, static_cast<int>(middle - half));
+    *end = std::min(*end, static_cast<int>(middle + half) + 1);
   }
 
   void paint_cells(const Sweep& sweep, int first_frame, int last_frame) {

@@ -94,8 +94,8 @@ std::uint8_t* put_change(std::uint64_t change, std::size_t gap, ChangeMemory::Gu
     for (gap -= kLongGap; gap >= 128; gap >>= 7) *out++ = static_cast<std::uint8_t>(gap | 128);
     *out++ = static_cast<std::uint8_t>(gap);
   }
-  if (kind == Change::kNewest) *out++ = static_cast<std::uint8_t>(index);
-  if (kind != Change::kNew) return out;
+  *out = static_cast<std::uint8_t>(index);  // not asked first whether it counts: that would be foreseen badly
+  if (kind != Change::kNew) return out + (kind == Change::kNewest ? 1 : 0);
   std::uint8_t* const first = out;
   std::uint64_t edges = edges_of(change);
   for (; edges != 0 && out < first + kMaxEdges; edges &= edges - 1)
