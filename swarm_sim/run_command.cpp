@@ -12,6 +12,7 @@
 #include "lcmtypes/bus/atomic_file.h"
 #include "lcmtypes/bus/temporary_directory.h"
 #include "swarm_sim/campaign/flight_arguments.h"
+#include "swarm_sim/campaign/usable_cores.h"
 #include "swarm_sim/hosts/lockstep.h"
 #include "swarm_sim/hosts/processes.h"
 #include "swarm_sim/world/walls.h"
@@ -24,6 +25,7 @@ namespace {
 struct RunOptions {
   std::string world, mode = "lockstep", out, keep_maps;
   bool log_buses = true;
+  int jobs = 0;
   FlightArguments flight;
   ProcessOptions processes;
 };
@@ -41,6 +43,9 @@ void declare(OptionSet& options, RunOptions& run) {
               "directory for world.json, trace.csv, report.json and the LCM logs; none: only the table is printed");
   options.add("log-buses", &run.log_buses,
               "where results go to a directory: also the LCM logs of all buses, some 0.7 MB a second for each robot");
+  options.add("jobs", &run.jobs, 0, 1024, "",
+              "lockstep: robots whose daemons are at work at a time; 0: as many as it may use cores, also by Slurm's "
+              "count. The results are the same");
   options.add("keep-maps", &run.keep_maps,
               "directory in which robots with range sensors keep what they have seen to stand, from flight to flight: "
               "robotK.bt (OctoMap); none: only while they fly");
@@ -114,7 +119,8 @@ RunReport fly(const RunOptions& run, const FlightOptions& flight, const World& w
     report = run_processes(world, static_map, flight, run.processes, logs, trace, progress);
   } else {
     for (const int signal : {SIGINT, SIGTERM}) std::signal(signal, [](int) { stopped = 1; });
-    report = run_lockstep(world, static_map, flight, LockstepDelays(), logs, trace, progress);
+    report = run_lockstep(world, static_map, flight, LockstepDelays(), logs, trace, progress,
+                          run.jobs > 0 ? run.jobs : usable_cores());
     if (stopped != 0 && !world.is_endless()) throw Interrupted();
   }
   line.done();

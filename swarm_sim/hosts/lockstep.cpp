@@ -123,8 +123,8 @@ RunReport report_of(const Simulation& simulation, const std::vector<RobotWork>& 
 }  // namespace
 
 RunReport run_lockstep(const World& world, const OccupiedCubes* static_map, const FlightOptions& options,
-                       const LockstepDelays& delays, BusLog* logs, FlightTrace* trace,
-                       const ProgressCallback& progress) {
+                       const LockstepDelays& delays, BusLog* logs, FlightTrace* trace, const ProgressCallback& progress,
+                       int threads) {
   const std::chrono::nanoseconds began = stopwatch();
   check_robots(world, options);
   const std::vector<Duration> clocks = clock_offsets(options.clock_offset_ms, world);
@@ -136,7 +136,7 @@ RunReport run_lockstep(const World& world, const OccupiedCubes* static_map, cons
   LinkModel link(options.link, seed_of(world.name));
   std::optional<RadioChannel> radio;
   if (options.link.rate_mbps > 0.0) radio.emplace(options.link.rate_mbps, seed_of(world.name + " radio"));
-  std::optional<LockstepHost> host(kEpoch);
+  std::optional<LockstepHost> host(std::in_place, kEpoch, threads);
   Simulation simulation(world, static_map,
                         {options.time_limit_s, options.clock_offset_ms, options.clock_steps, options.state_outages},
                         kEpoch - Simulation::kTick, follow_flight(trace, progress, [&host] { host->stop(); }));
@@ -162,7 +162,7 @@ RunReport run_lockstep(const World& world, const OccupiedCubes* static_map, cons
       host->add({robot.id, onboard(robot), "swarm", work_times[d], clocks[r]}, daemons[d]);
   }
   for (std::size_t r = 0; r < world.robots.size(); ++r) {
-    host->add({world.robots[r].id, onboard(world.robots[r]), ""},
+    host->add({.robot_id = world.robots[r].id, .onboard = onboard(world.robots[r]), .is_alone = true},
               [&simulation, r] { return std::make_unique<EnvironmentNode>(simulation, r); });
   }
   if (options.cells_m > 0.0) {

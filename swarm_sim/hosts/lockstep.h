@@ -22,10 +22,10 @@ struct LockstepDelays {
   Duration look = 10ms;    // what a perception daemon says, on top
 };
 
-// Flies `world` to its end. `logs` and `trace` may be null. Throws OptionError where the options name a robot that the
-// world has not.
+// Flies `world` to its end; the daemons of `threads` robots run at a time. `logs` and `trace` may be null. Throws
+// OptionError where the options name a robot that the world has not.
 RunReport run_lockstep(const World& world, const OccupiedCubes* static_map, const FlightOptions& options,
-                       const LockstepDelays& delays, BusLog* logs, FlightTrace* trace,
-                       const ProgressCallback& progress);
+                       const LockstepDelays& delays, BusLog* logs, FlightTrace* trace, const ProgressCallback& progress,
+                       int threads = 1);
 
 }  // namespace swarm

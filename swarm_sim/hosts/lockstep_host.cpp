@@ -4,6 +4,7 @@
 #include <array>
 #include <limits>
 #include <set>
+#include <stdexcept>
 #include <tuple>
 #include <utility>
 
@@ -11,8 +12,13 @@
 #include "swarm_sim/results/air_traffic.h"
 
 namespace swarm {
+namespace {
 
-// A node, its buses and its wake-ups.
+constexpr std::size_t kLast = std::numeric_limits<std::size_t>::max();  // behind all places
+
+}  // namespace
+
+// A node, its buses and its wake-ups. What the node does while others run beside it is noted, and done afterwards.
 class LockstepHost::Place : public Outbox {
  public:
   Place(LockstepHost& host, std::size_t number, const Seat& seat, NodeFactory make_node)
@@ -35,27 +41,53 @@ class LockstepHost::Place : public Outbox {
     node_ = make_node_();
   }
   void step_clock(Duration by) { seat_.clock_offset += by; }
-  void hear(BusId id, std::string_view channel, std::span<const std::uint8_t> bytes) {
+  void take(const Event& event) {
+    if (node_ == nullptr || (event.what == What::kWake && event.time != wake_)) return;
     watch_clock();
-    node_->on_message(time(), id, channel, bytes, *this);
+    if (event.what == What::kMessage) {
+      node_->on_message(time(), event.bus, event.channel, *event.bytes, *this);
+      watch_clock();
+    }
+    const Utime time = this->time(), wake = host_.now_ + (node_->step(time, *this) - time);
+    if (event.what != What::kWake && wake == wake_) return;
+    wake_ = wake;
+    deeds_.push_back({.what = Deed::kWake, .wake = wake});
   }
-  Utime step() {
-    watch_clock();
-    const Utime time = this->time();
-    return host_.now_ + (node_->step(time, *this) - time);
+  void wake_at(Utime wake) {
+    wake_ = wake;
+    host_.push(wake, number_, What::kWake);
+  }
+  // In the order in which they were done.
+  void do_deeds() {
+    for (Deed& deed : deeds_) {
+      if (deed.what == Deed::kWake) host_.push(deed.wake, number_, What::kWake);
+      if (deed.what == Deed::kSend) host_.send(*this, deed.bus, std::move(deed.channel), std::move(deed.bytes));
+      if (deed.what == Deed::kListen) host_.listen(number_, &bus(deed.bus), deed.channel, deed.listens);
+    }
+    deeds_.clear();
   }
   void publish_bytes(BusId id, std::string_view channel, std::span<const std::uint8_t> bytes) override {
-    host_.send(*this, id, channel, bytes);
+    deeds_.push_back({.what = Deed::kSend,
+                      .bus = id,
+                      .channel = std::string(channel),
+                      .bytes = std::make_shared<const std::vector<std::uint8_t>>(bytes.begin(), bytes.end())});
   }
   void listen(BusId id, std::string_view channel, bool listens) override {
     const std::pair key(id, std::string(channel));
     listens ? void(listens_to_.insert(key)) : void(listens_to_.erase(key));
-    host_.listen(number_, &bus(id), key.second, listens);
+    deeds_.push_back({.what = Deed::kListen, .bus = id, .channel = key.second, .listens = listens});
   }
 
-  Utime wake{};  // the wake-up in force; earlier entries in the queue are void
-
  private:
+  struct Deed {
+    enum { kWake, kSend, kListen } what;
+    Utime wake{};
+    BusId bus = BusId::kOnboard;
+    std::string channel{};
+    Bytes bytes{};
+    bool listens = false;
+  };
+
   ClockReading read() const { return {host_.now_.time_since_epoch(), host_.now_ + seat_.clock_offset}; }
   Utime time() { return clock_.read(read()); }
   void watch_clock() {
@@ -66,6 +98,8 @@ class LockstepHost::Place : public Outbox {
   std::size_t number_;
   Seat seat_;
   LockstepHost& host_;
+  Utime wake_{};  // the wake-up in force; earlier entries in the queue are void
+  std::vector<Deed> deeds_;
   std::set<std::pair<BusId, std::string>> listens_to_;  // besides the node's subscriptions
   NodeFactory make_node_;
   NodeClock clock_{read()};
@@ -76,10 +110,11 @@ bool LockstepHost::Event::operator>(const Event& other) const {
   return std::tie(time, order, sequence) > std::tie(other.time, other.order, other.sequence);
 }
 
-LockstepHost::LockstepHost(Utime begin) : now_(begin) {}
+LockstepHost::LockstepHost(Utime begin, int threads) : now_(begin), workers_(threads) {}
 LockstepHost::~LockstepHost() = default;
 
 void LockstepHost::add_bus(const std::string& name, Duration delay, Link link, RadioChannel* radio) {
+  if (delay <= 0us) throw std::invalid_argument("bus " + name + ": messages must take longer than nothing");
   buses_[name] = {.delay = delay, .link = std::move(link), .radio = radio};
 }
 
@@ -88,7 +123,7 @@ std::size_t LockstepHost::add(const Seat& seat, NodeFactory make_node) {
   const Place& place = *places_.emplace_back(std::make_unique<Place>(*this, number, seat, std::move(make_node)));
   for (const Subscription& subscription : place.node()->subscriptions())
     listen(number, &place.bus(subscription.bus), subscription.channel, true);
-  push(now_, number, What::kWake);
+  places_.back()->wake_at(now_);
   return number;
 }
 
@@ -104,38 +139,37 @@ void LockstepHost::step_clock(std::size_t seat, Utime at, Duration by) {
 void LockstepHost::run() {
   stopped_ = false;
   while (!events_.empty() && (!stopped_ || events_.top().time == now_)) {
-    const Event event = events_.top();
-    events_.pop();
-    now_ = event.time;
-    handle(event);
+    now_ = events_.top().time;
+    const auto take = [this] {
+      Event event = events_.top();
+      events_.pop();
+      return event;
+    };
+    if (events_.top().order == kLast) {
+      handle_last(take());
+      continue;
+    }
+    batch_.clear();
+    while (!events_.empty() && events_.top().time == now_ && events_.top().order != kLast) batch_.push_back(take());
+    handle_batch();
   }
 }
 
 void LockstepHost::push(Utime time, std::size_t place, What what, Duration by) {
-  const bool last = what != What::kMessage && what != What::kWake;
-  if (what == What::kWake) places_[place]->wake = time;
-  events_.push({time,
-                last ? std::numeric_limits<std::size_t>::max() : place,
-                sequence_++,
-                place,
-                what,
-                BusId::kOnboard,
-                {},
-                nullptr,
-                by});
+  const bool is_last = what != What::kMessage && what != What::kWake;
+  events_.push({time, is_last ? kLast : place, sequence_++, place, what, BusId::kOnboard, {}, nullptr, by});
 }
 
-void LockstepHost::send(const Place& from, BusId id, std::string_view channel, std::span<const std::uint8_t> bytes) {
+void LockstepHost::send(const Place& from, BusId id, std::string channel, Bytes bytes) {
   const int robot = from.seat().robot_id;
-  if (listener_) listener_(now_, id, robot, channel, bytes);
+  if (listener_) listener_(now_, id, robot, channel, *bytes);
   Bus& bus = from.bus(id);
   if (!bus.places.contains(channel)) return;
-  Message message = {robot, id, std::string(channel),
-                     std::make_shared<const std::vector<std::uint8_t>>(bytes.begin(), bytes.end()),
-                     bus.delay + from.seat().work};
+  const std::size_t size = datagram_bytes(channel, bytes->size());
+  Message message = {robot, id, std::move(channel), std::move(bytes), bus.delay + from.seat().work};
   if (bus.radio == nullptr) return deliver(bus, message, Whose::kAll);
   deliver(bus, message, Whose::kOwn);
-  bus.radio->send(now_, robot, datagram_bytes(channel, bytes.size()),
+  bus.radio->send(now_, robot, size,
                   [this, &bus, message = std::move(message)] { deliver(bus, message, Whose::kOthers); });
   wake_radio(&bus);
 }
@@ -167,15 +201,10 @@ void LockstepHost::wake_radio(Bus* air) {
   const Utime due = air->radio->due();
   if (due >= air->radio_wake) return;
   air->radio_wake = due;
-  events_.push({.time = due,
-                .order = std::numeric_limits<std::size_t>::max(),
-                .sequence = sequence_++,
-                .place = 0,
-                .what = What::kRadio,
-                .air = air});
+  events_.push({.time = due, .order = kLast, .sequence = sequence_++, .place = 0, .what = What::kRadio, .air = air});
 }
 
-void LockstepHost::handle(const Event& event) {
+void LockstepHost::handle_last(const Event& event) {
   if (event.what == What::kRadio) {
     if (event.time != event.air->radio_wake) return;
     event.air->radio_wake = kNever;
@@ -186,14 +215,33 @@ void LockstepHost::handle(const Event& event) {
   if (event.what == What::kCrash) return place.crash();
   if (event.what == What::kRestart) {
     place.restart();
-    return push(now_, event.place, What::kWake);
+    return place.wake_at(now_);
   }
-  if (event.what == What::kClock) place.step_clock(event.by);
-  if (place.node() == nullptr) return;
-  if (event.what == What::kWake && event.time != place.wake) return;
-  if (event.what == What::kMessage) place.hear(event.bus, event.channel, *event.bytes);
-  const Utime wake = place.step();
-  if (event.what == What::kWake || wake != place.wake) push(wake, event.place, What::kWake);
+  place.step_clock(event.by);
+  place.take(event);
+  place.do_deeds();
+}
+
+void LockstepHost::handle_batch() {
+  groups_.clear();
+  for (std::size_t i = 0; i < batch_.size(); ++i) {
+    const auto seat_of = [&](std::size_t at) -> const Seat& { return places_[batch_[at].place]->seat(); };
+    const bool is_alone = seat_of(i).is_alone;
+    const bool is_new =
+        groups_.empty() || is_alone || groups_.back().is_alone || seat_of(i).robot_id != seat_of(i - 1).robot_id;
+    if (is_new) groups_.push_back({i, i, is_alone});
+    groups_.back().end = i + 1;
+  }
+  for (std::size_t first = 0; first < groups_.size();) {
+    std::size_t end = first + 1;
+    while (!groups_[first].is_alone && end < groups_.size() && !groups_[end].is_alone) ++end;
+    workers_.for_each(end - first, [&](std::size_t k) {
+      const Group& group = groups_[first + k];
+      for (std::size_t i = group.begin; i < group.end; ++i) places_[batch_[i].place]->take(batch_[i]);
+    });
+    for (std::size_t i = groups_[first].begin; i < groups_[end - 1].end; ++i) places_[batch_[i].place]->do_deeds();
+    first = end;
+  }
 }
 
 }  // namespace swarm

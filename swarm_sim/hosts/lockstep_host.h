@@ -1,8 +1,9 @@
-// The lock-step host: runs nodes in one thread on a simulated clock and simulated buses, as fast as the computer can.
-// An event queue; what the messages are it does not know.
+// The lock-step host: runs nodes on a simulated clock and simulated buses, as fast as the computer can. An event queue;
+// what the messages are it does not know.
 //
-// Events run in the order (time, seat, sequence), the crashes of a moment after everything else of it. So the same
-// nodes give the same bytes on the buses.
+// Events run in the order (time, seat, sequence), the crashes of a moment after everything else of it. What reaches
+// different robots at the same moment runs at the same time, for nothing that is said then is heard then; what they say
+// goes out in the order of the seats. So the same nodes give the same bytes on the buses, with any number of threads.
 #pragma once
 
 #include <cstdint>
@@ -17,6 +18,7 @@
 
 #include "lcmtypes/bus/node.h"
 #include "swarm_sim/hosts/radio_channel.h"
+#include "swarm_sim/hosts/worker_threads.h"
 
 namespace swarm {
 
@@ -31,22 +33,24 @@ class LockstepHost {
   using Listener = std::function<void(Utime now, BusId bus, int robot_id, std::string_view channel,
                                       std::span<const std::uint8_t> bytes)>;
 
-  // Where a node sits.
+  // Where a node sits. Seats of one robot follow each other, or with several threads its nodes may run at the same time.
   struct Seat {
     int robot_id = 0;
     std::string onboard = "", swarm = "";  // names of its buses; empty: it has none
     Duration work{};                       // that its messages take longer, for what it has to do first
     Duration clock_offset{};               // its clock is ahead of the simulated one; see node_clock.h
+    bool is_alone = false;                 // its node shares state with others': it never runs at the same time
   };
 
-  // The simulated clock begins at `begin`.
-  explicit LockstepHost(Utime begin);
+  // The simulated clock begins at `begin`. So many `threads` run nodes, each those of one robot at a time.
+  explicit LockstepHost(Utime begin, int threads = 1);
   ~LockstepHost();
   LockstepHost(const LockstepHost&) = delete;
   LockstepHost& operator=(const LockstepHost&) = delete;
 
-  // A bus on which messages take `delay`; `link` (may be null) is asked for those between different robots. With a
-  // `radio`, which must outlive the host, those between robots go over it before that.
+  // A bus on which messages take `delay`, more than nothing (std::invalid_argument); `link` (may be null) is asked for
+  // those between different robots. With a `radio`, which must outlive the host, those between robots go over it before
+  // that.
   void add_bus(const std::string& name, Duration delay, Link link = nullptr, RadioChannel* radio = nullptr);
   // Makes a node and puts it on its buses. Seats are numbered from 0 in the order in which they are added. Throws
   // std::out_of_range when it subscribes to a bus that there is not.
@@ -101,11 +105,12 @@ class LockstepHost {
   };
 
   void push(Utime time, std::size_t place, What what, Duration by = {});
-  void send(const Place& from, BusId bus, std::string_view channel, std::span<const std::uint8_t> bytes);
+  void send(const Place& from, BusId bus, std::string channel, Bytes bytes);
   void listen(std::size_t place, Bus* bus, const std::string& channel, bool listens);
   void deliver(const Bus& bus, const Message& message, Whose whose);
   void wake_radio(Bus* air);
-  void handle(const Event& event);
+  void handle_last(const Event& event);  // that comes behind all else of its moment
+  void handle_batch();
 
   Utime now_;
   bool stopped_ = false;
@@ -113,6 +118,13 @@ class LockstepHost {
   std::map<std::string, Bus> buses_;
   std::vector<std::unique_ptr<Place>> places_;
   std::priority_queue<Event, std::vector<Event>, std::greater<>> events_;
+  std::vector<Event> batch_;  // of messages and wake-ups, all of one moment
+  struct Group {              // of these: of one robot, or of a seat that is alone
+    std::size_t begin, end;
+    bool is_alone;
+  };
+  std::vector<Group> groups_;
+  WorkerThreads workers_;
   Listener listener_;
 };
 

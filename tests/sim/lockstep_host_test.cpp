@@ -229,5 +229,38 @@ TEST(LockstepHost, NodesListenAndListenNoMore) {
   EXPECT_EQ(diary, (Diary{"hears B at 21000", "hears B at 31000"}));
 }
 
+// What is said goes out in the order of the seats, whoever was ready first.
+TEST(LockstepHost, AnyNumberOfThreadsGivesTheSame) {
+  constexpr int kTalkers = 9;
+  const auto run = [](int threads) {
+    std::array<Diary, kTalkers + 1> diaries;  // of each its own; the last: what was sent
+    LockstepHost host(kStart, threads);
+    host.add_bus("air", 1ms);
+    for (std::size_t i = 0; i < kTalkers; ++i) {
+      const Duration period = 5ms * (1 + i % 3);
+      host.add({.robot_id = static_cast<int>(i / 2), .swarm = "air", .is_alone = i == 6}, [&diaries, i, period] {
+        return std::make_unique<Talker>(std::to_string(i), BusId::kSwarm, period, diaries[i]);
+      });
+    }
+    host.crash(4, kStart + 20ms, kStart + 30ms);
+    host.listen([&](Utime now, BusId, int robot_id, std::string_view channel, auto bytes) {
+      diaries.back().push_back(std::to_string(robot_id) + std::string(channel) + std::to_string(bytes.size()) +
+                               at(now));
+    });
+    host.add({.swarm = "air", .is_alone = true}, [&] { return std::make_unique<Stopper>(host, kStart + 100ms); });
+    host.run();
+    return diaries;
+  };
+  const auto alone = run(1);
+  EXPECT_GT(alone.back().size(), 200u);
+  EXPECT_EQ(run(2), alone);
+  EXPECT_EQ(run(4), alone);
+}
+
+TEST(LockstepHost, NothingIsHeardAtTheMomentItIsSaid) {
+  LockstepHost host(kStart);
+  EXPECT_THROW(host.add_bus("air", 0us), std::invalid_argument);
+}
+
 }  // namespace
 }  // namespace swarm::test
