@@ -1,6 +1,7 @@
 #include "planner_daemon/planner.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "planner_daemon/optimize/acceleration_polytope.h"
 #include "planner_daemon/space/first_touch.h"
@@ -82,6 +83,7 @@ Planner::Planner(const PlannerConfig& config, Stopwatch stopwatch)
 // The paper on one screen.
 const PlanResult& Planner::plan(const PlanRequest& request) {
   result_.step_ms.fill(0.0);
+  result_.prepare_ms = std::exchange(prepare_ms_, 0.0);
   result_.corridors.clear();
   candidates_.clear();
   lap_began_ = stopwatch_ ? stopwatch_() : 0ns;
@@ -162,13 +164,20 @@ bool Planner::is_slow(const PlanRequest& request) const {
 
 void Planner::prepare(const PlanRequest& request) {
   const std::chrono::nanoseconds began = stopwatch_ ? stopwatch_() : 0ns;
-  const Duration age = request.sogm->start_utime - static_key_.utime;
-  if (age > 0us && age >= static_heuristic_age(request) * 4 / 5) {
+  if (is_ageing(request)) {
     renew_static_heuristic(request);
   } else {
     guidance_.work();
   }
-  if (stopwatch_) result_.prepare_ms = to_ms(stopwatch_() - began);
+  if (stopwatch_) prepare_ms_ += to_ms(stopwatch_() - began);
+}
+
+void Planner::prepare_meanwhile(const PlanRequest& request) {
+  if (!is_ageing(request)) return;
+  const std::chrono::nanoseconds began = stopwatch_ ? stopwatch_() : 0ns;
+  compose(request);
+  renew_static_heuristic(request);
+  if (stopwatch_) prepare_ms_ += to_ms(stopwatch_() - began);
 }
 
 void Planner::forget() {
@@ -182,6 +191,11 @@ void Planner::forget() {
 // What stands still changes slowly.
 Duration Planner::static_heuristic_age(const PlanRequest& request) const {
   return (reachable_.center - request.goal).norm() < kAtGoal_m ? kAtGoalAge : kStaticHeuristicAge;
+}
+
+bool Planner::is_ageing(const PlanRequest& request) const {
+  const Duration age = request.sogm->start_utime - static_key_.utime;
+  return age > 0us && age >= static_heuristic_age(request) * 9 / 10;
 }
 
 Occupancy Planner::compose_standing(const std::vector<Peer>& peers) {
@@ -211,7 +225,7 @@ void Planner::work_out_ways(const PlanRequest& request) {
   compose(request);
   renew_static_heuristic(request);
   static_key_.utime -= 1us;  // they serve a plan with this map
-  if (stopwatch_) result_.prepare_ms = to_ms(stopwatch_() - began);
+  if (stopwatch_) prepare_ms_ += to_ms(stopwatch_() - began);
 }
 
 void Planner::build_heuristics(const PlanRequest& request) {

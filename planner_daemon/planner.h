@@ -64,7 +64,7 @@ struct PlanResult {
   int expansions = 0;
   bool is_unreachable = false;                  // the goal, see Guidance
   std::array<double, kNumPlanSteps> step_ms{};  // wall time; 0 without a stopwatch
-  double prepare_ms = 0.0;                      // wall time of the newest prepare() or work_out_ways()
+  double prepare_ms = 0.0;                      // wall time of what was prepared for it since the plan before
 
   double total_ms() const { return std::accumulate(step_ms.begin(), step_ms.end(), 0.0); }
 };
@@ -83,6 +83,8 @@ class Planner {
   // What may wait until the newest plan is out: what looks far ahead is worked out for the next ones, from that plan's
   // request. Where nobody calls it, plans do so themselves when it is due.
   void prepare(const PlanRequest& request);
+  // The same from a newer map than the newest plan's, while nothing asks for a plan: the next one will come late.
+  void prepare_meanwhile(const PlanRequest& request);
   // All that plans leave to later ones, but for memory.
   void forget();
   // Whether ways to the request's goal are known. A plan that must work them out first takes many times as long.
@@ -121,6 +123,7 @@ class Planner {
 
   void compose(const PlanRequest& request);
   Duration static_heuristic_age(const PlanRequest& request) const;  // so long it serves
+  bool is_ageing(const PlanRequest& request) const;                 // the static heuristic, soon it serves no more
   // And what is known to stand where it is not seen.
   Occupancy compose_standing(const std::vector<Peer>& peers);
   void renew_static_heuristic(const PlanRequest& request);
@@ -144,6 +147,7 @@ class Planner {
   PlannerConfig config_;
   Stopwatch stopwatch_;
   std::chrono::nanoseconds lap_began_{};
+  double prepare_ms_ = 0.0;  // since the newest plan
 
   ConfigurationSpace space_;
   ReachableSet reachable_;  // of the robot: all that the plan can touch

@@ -21,7 +21,7 @@ constexpr Duration kStatusPeriod = 1s;
 constexpr Duration kSilent = 500ms;   // a peer that was not heard for so long may have to step aside unseen
 constexpr Duration kUrgent = 1s;      // before an obstacle comes, a plan must begin to get out of its way
 constexpr Duration kGetAway = 600ms;  // and can begin at the latest
-constexpr double kCalmWay_m = 0.2;    // flown between two plans, at most, while nothing asks for one
+constexpr double kCalmWay_m = 0.5;    // flown between two plans, at most, while nothing asks for one
 constexpr double kSamePlace_m = 1e-3, kRest_mps = 1e-2, kRest_mps2 = 0.1;
 
 // From then on at rest at one place, as near as anybody sees.
@@ -291,7 +291,12 @@ Utime PlannerNode::step(Utime now, Outbox& outbox) {
     const Utime latest = std::min(pending_.start_utime(), now + kMaxAhead);
     if (now < due && is_patient && touch_utime(now, latest + kUrgent) != kNever) due = period_due;
     const Utime calm_due = plan_.due(now, calm_period(now));
-    if (now >= due && now < calm_due && !map_can_wait_) map_can_wait_ = is_calm(now);  // looked at once for each map
+    if (now >= due && now < calm_due && !map_can_wait_ && is_calm(now)) {
+      map_can_wait_ = true;  // looked at once for each map
+      request_.own = *own_;
+      request_.start_utime = now;
+      planner_.prepare_meanwhile(request_);
+    }
     if (map_can_wait_ && planned_to_ == destination()) due = std::max(due, calm_due);
     if (now < due) {
       wake = std::min(wake, due);

@@ -27,7 +27,7 @@ struct PlannerNodeConfig {
   PlannerConfig planner;
   double lead_s = 0.025;              // from the start of planning to the announcement, until that was measured
   double period_s = 0.04;             // least time between plans
-  double calm_period_s = 0.1;         // the same, while nothing asks for one
+  double calm_period_s = 0.25;        // the same, while nothing asks for one
   double stale_map_s = 0.35;          // an older SOGM is not planned with
   double forget_peers_after_s = 0.0;  // who was not heard for so long is not there any more; 0: he is
   double clock_limit_s = 0.1;         // messages from further in the future are refused

@@ -50,16 +50,31 @@ bool GlobalMap::see(const Sogm& sogm, const Sogm& standing, const Sogm* seen, co
       changes |= ((row[i] ^ begin[i]) | (row[i] ^ end[i])) & (look != nullptr ? look[i] : ~std::uint64_t{0});
     return changes == 0;
   };
+  const auto is_clear = [](const Sogm& what, const Columns& tile) {
+    std::uint64_t any = 0;
+    for (int x = tile.first.x(); x <= tile.last.x(); ++x) {
+      const std::uint64_t* row = what.column(0, x, tile.first.y());
+      for (int i = 0; i < tile.width() * what.geometry.words_per_column(); ++i) any |= row[i];
+    }
+    return any == 0;
+  };
   for (int tile_x = first.x() - window.origin.x(); tile_x + kTile <= window.size.x(); tile_x += kTile) {
     for (int tile_y = first.y() - window.origin.y(); tile_y + kTile <= window.size.y(); tile_y += kTile) {
+      const Columns tile{{std::max(tile_x, -shift.x()), std::max(tile_y, -shift.y())},
+                         {std::min(tile_x + kTile, grid.size.x() - shift.x()) - 1,
+                          std::min(tile_y + kTile, grid.size.y() - shift.y()) - 1}};
+      if (tile.empty()) continue;
+      // Nothing stands there and nothing did: as most often.
+      if (is_clear(standing, tile) && is_clear(occupied_, {tile.first + shift.head<2>(), tile.last + shift.head<2>()}))
+        continue;
       bool still = true;
       for (int x = tile_x; x < tile_x + kTile && still; ++x) still = is_still(x, tile_y);
       if (!still) continue;
       const Eigen::Vector2d away = Eigen::Vector2d(tile_x + kTile / 2.0, tile_y + kTile / 2.0) - middle;
       const bool is_sure = seen != nullptr || away.norm() * window.resolution_m < kNear_m;
       bool differs = false;
-      for (int x = std::max(tile_x, -shift.x()); x < std::min(tile_x + kTile, grid.size.x() - shift.x()); ++x) {
-        for (int y = std::max(tile_y, -shift.y()); y < std::min(tile_y + kTile, grid.size.y() - shift.y()); ++y) {
+      for (int x = tile.first.x(); x <= tile.last.x(); ++x) {
+        for (int y = tile.first.y(); y <= tile.last.y(); ++y) {
           std::uint64_t* known = occupied_.column(0, x + shift.x(), y + shift.y());
           for (int w = 0; w < grid_words; ++w) {
             const auto here = [&](const Sogm& what) {

@@ -14,6 +14,12 @@ void Wavefront::lay_out(const Eigen::Vector3i& size, int cell) {
   open_.assign(words, 0);
   new_.assign(words, 0);
   costs_.assign(static_cast<std::size_t>(Eigen::Index{cells_.x()} * cells_.y() * cells_.z()), kUnreached);
+  cell_columns_.resize(static_cast<std::size_t>((size.x() + 2) * (size.y() + 2)));
+  auto* cell_column = cell_columns_.data();
+  for (int x = -1; x <= size.x(); ++x) {
+    for (int y = -1; y <= size.y(); ++y)
+      *cell_column++ = static_cast<std::uint32_t>((x / cell * cells_.y() + y / cell) * cells_.z());
+  }
   cell_at_.resize(static_cast<std::size_t>(64 * words_));
   for (std::size_t z = 0; z < cell_at_.size(); ++z)
     cell_at_[z] = static_cast<std::uint16_t>(z / static_cast<std::size_t>(cell));
@@ -87,11 +93,10 @@ void Wavefront::reach(const Voxels& voxels) {
 }
 
 void Wavefront::keep_cost(std::uint32_t word, std::uint64_t bits) {
-  const std::uint32_t at = word / static_cast<std::uint32_t>(words_);
-  const auto pitch = static_cast<std::uint32_t>(size_.y() + 2);
-  const int x = static_cast<int>(at / pitch) - 1, y = static_cast<int>(at % pitch) - 1;
-  const std::size_t base = static_cast<std::size_t>(word % static_cast<std::uint32_t>(words_)) * 64;
-  Cost* costs = costs_.data() + (Eigen::Index{x / cell_} * cells_.y() + y / cell_) * cells_.z();
+  const auto words = static_cast<std::uint32_t>(words_);
+  const std::uint32_t column = words == 1 ? word : word / words;  // a division less
+  const std::size_t base = std::size_t{word - column * words} * 64;
+  Cost* const costs = costs_.data() + cell_columns_[column];
   while (bits != 0) {  // a run of ones at a time
     const int first = std::countr_zero(bits), last = first + std::countr_one(bits >> first);
     const auto low = cell_at_[base + static_cast<std::size_t>(first)];

@@ -113,7 +113,8 @@ class Wavefront {
   bool started_ = false;
   int cost_ = 0;  // in force
   std::vector<Cost> costs_;
-  std::vector<std::uint16_t> cell_at_;  // of a voxel's place along an axis
+  std::vector<std::uint32_t> cell_columns_;  // of a column of voxels, the rim's among them: where its cells begin
+  std::vector<std::uint16_t> cell_at_;       // of a voxel's place along z
 };
 
 template <class CostOf>

@@ -142,11 +142,11 @@ class StaticHeuristic {
   Eigen::Vector3i size_ = Eigen::Vector3i::Zero();        // cells
   Dilator dilator_;
   std::vector<Layer> layers_;
-  std::vector<std::uint64_t> blocked_;  // columns
-  Columns inside_columns_;              // within the flight space
-  std::vector<std::uint64_t> inside_;   // of each of them: the same
-  std::vector<std::uint64_t> column_;   // scratch of open_cells()
-  std::vector<Eigen::Vector3i> ends_;   // voxels of the lattice where ways end, when the goal is closed
+  std::vector<std::uint64_t> blocked_;                         // columns
+  Columns inside_columns_;                                     // within the flight space
+  std::vector<std::uint64_t> inside_;                          // of each of them: the same
+  std::vector<std::uint64_t> inside_row_, open_row_, column_;  // scratch of open_cells()
+  std::vector<Eigen::Vector3i> ends_;  // voxels of the lattice where ways end, when the goal is closed
   Wavefront front_;
   mutable std::vector<Wavefront::Cost> rows_, sampled_, nearest_;  // scratch of ticks()
 };

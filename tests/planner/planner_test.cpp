@@ -343,7 +343,7 @@ TEST(PlannerTest, LooksFarAheadBetweenPlans) {
   const auto end_x = [&](bool prepares) {
     Planner planner(config);
     double x = NAN;
-    for (const auto& [after, is_closed] : {std::pair{0ms, false}, {320ms, false}, {400ms, true}, {480ms, true}}) {
+    for (const auto& [after, is_closed] : {std::pair{0ms, false}, {390ms, false}, {450ms, true}, {480ms, true}}) {
       Sogm sogm = map_at(kStart + after);
       if (is_closed) {
         mark_box(&sogm, {0.8, -1.3, -9}, {1.0, 1.3, 9});
