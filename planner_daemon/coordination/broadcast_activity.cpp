@@ -1,4 +1,5 @@
-// What the broadcast daemon says that it is about: why nothing is committed is what an operator asks first.
+// What the broadcast daemon says of itself, in its log and to who looks: why nothing is committed is what an operator
+// asks first.
 #include <algorithm>
 #include <string>
 
@@ -9,6 +10,7 @@ namespace swarm {
 namespace {
 
 using sogm_swarm::broadcast_status_t;
+using sogm_swarm::flight_status_t;
 
 constexpr Duration kInVainFor = 3s;   // the planner sends candidates, and none is committed
 constexpr Duration kStillAsked = 1s;  // the newest is no older; a peer that was not heard for so long is silent
@@ -51,9 +53,9 @@ Activity BroadcastNode::activity(Utime now) const {
 Activity BroadcastNode::flight_activity(Utime now) const {
   const bool is_in_vain =
       in_vain_.count > 0 && now - in_vain_.first >= kInVainFor && now - in_vain_.newest <= kStillAsked;
-  const sogm_swarm::flight_status_t& flight = flight_.status();
+  const flight_status_t& flight = flight_.status();
   if (!is_in_vain) {
-    std::string text = flight.state != sogm_swarm::flight_status_t::kFlying
+    std::string text = flight.state != flight_status_t::kFlying
                            ? text_of_flight(flight)
                            : "ready: commits what the planner sends and robots agree to";
     std::string given_up;
@@ -85,6 +87,51 @@ Activity BroadcastNode::flight_activity(Utime now) const {
       why += ", refused by robot " + std::to_string(id);
   }
   return {true, "commits nothing of what the planner sends", why};
+}
+
+std::int32_t BroadcastNode::lost() const {
+  std::int32_t sum = 0;
+  for (const auto& [id, link] : links_) sum += link.lost;
+  return sum;
+}
+
+std::int16_t BroadcastNode::state(Utime now) const {
+  if (!motion()) return broadcast_status_t::kNoState;
+  if (store_fails_) return broadcast_status_t::kNoStorage;
+  if (identity_.has_twin(now)) return broadcast_status_t::kTwin;
+  if (!clocks_agree(now)) return broadcast_status_t::kClock;
+  if (tracking_.was_off_course(now)) return broadcast_status_t::kOffCourse;
+  return protocol_.all_hear() ? broadcast_status_t::kFlying : broadcast_status_t::kWaiting;
+}
+
+void BroadcastNode::publish_status(Utime now, Outbox& outbox) {
+  broadcast_status_t status{};
+  status.header = status_headers_.next(now);
+  status.state = state(now);
+  status.candidates = candidates_;
+  status.commits = protocol_.commits();
+  status.forced = protocol_.forced();
+  status.withdrawn = protocol_.withdrawn();
+  std::copy(rejected_.begin(), rejected_.end(), status.rejected);
+  status.lost = lost();
+  status.tracking_error = static_cast<float>(tracking_.newest_m());
+  status.error_bound = static_cast<float>(tracking_.bound_m(now));
+  for (const auto& [id, link] : links_) {
+    if (link.boot < 0 || now - link.heard > 1s) continue;
+    ++status.peers_heard;
+    status.max_age_ms = std::max(status.max_age_ms, static_cast<float>(to_ms(now - link.heard)));
+    const Duration offset = link.clock.offset().value_or(0us);
+    status.max_clock_offset_ms =
+        std::max(status.max_clock_offset_ms, static_cast<float>(to_ms(std::chrono::abs(offset))));
+  }
+  refused_.copy_to(status.refused);
+  outbox.publish(BusId::kOnboard, channel::kBroadcastStatus, status);
+}
+
+void BroadcastNode::publish_flight_status(Utime now, Outbox& outbox) {
+  flight_status_t status = flight_.status();
+  status.header = flight_headers_.next(now + offered_step_);
+  outbox.publish(BusId::kOnboard, channel::kFlightStatus, status);
 }
 
 }  // namespace swarm

@@ -8,6 +8,7 @@
 #include "lcmtypes/bus/channels.h"
 #include "lcmtypes/bus/packed_cell_messages.h"
 #include "planner_daemon/coordination/broadcast_node.h"
+#include "planner_daemon/coordination/cell.h"
 
 namespace swarm {
 namespace {
@@ -16,23 +17,32 @@ constexpr Duration kShown = 500ms;  // tombstones to the planner, again and agai
 
 }  // namespace
 
-Refusal BroadcastNode::read_in_cells(std::span<const std::uint8_t> bytes, CellAnnouncement* message) const {
+std::unique_ptr<CellProtocol> BroadcastNode::in_cells(const CommitProtocol::Rules& rules, double edge_m) {
+  if (edge_m == 0.0) return nullptr;
+  return std::make_unique<CellProtocol>(
+      CellProtocol::Rules{rules, [edge_m](const Motion& motion, Utime from, double reach_m) {
+                            return cells_touched(motion, from, reach_m, edge_m);
+                          }});
+}
+
+// Others fly in its cells than its peers, and what is said in several of them comes as often.
+Refusal BroadcastNode::on_cell_announcement(Utime now, std::span<const std::uint8_t> bytes) {
   sogm_swarm::cell_announcement_t packed;
+  CellAnnouncement said;
   if (const Refusal refusal = decode(bytes, &packed); refusal != Refusal::kNone) return refusal;
-  message->robot.header = packed.header;
+  if (packed.header.robot_id == config_.robot_id) return on_own_returned(now, packed.header);
   const auto link = links_.find(packed.header.robot_id);
-  if (link == links_.end()) return Refusal::kRobot;
-  if (!link->second.gate.is_newer(packed.header)) return Refusal::kSequence;
-  return unpack(packed, message);
+  if (link == links_.end() || !link->second.gate.is_newer(packed.header)) return Refusal::kNone;
+  if (const Refusal refusal = unpack(packed, &said); refusal != Refusal::kNone) return refusal;
+  return heard(now, std::move(said));
 }
 
 Refusal BroadcastNode::on_cell_roster(Utime now, std::span<const std::uint8_t> bytes) {
   sogm_swarm::cell_roster_t packed;
   CellRoster roster;
   const auto from_anybody = [](const sogm_swarm::cell_roster_t&) { return Refusal::kNone; };
-  const TimeWindow lately{now, kMaxAge, to_duration(config_.clock_error_s)};
   Refusal refusal = decode(bytes, &packed);
-  if (refusal == Refusal::kNone) refusal = admit(packed, from_anybody, lately, AnyOrder());
+  if (refusal == Refusal::kNone) refusal = admit(packed, from_anybody, lately(now), AnyOrder());
   if (refusal == Refusal::kNone) refusal = unpack(packed, &roster);
   if (refusal != Refusal::kNone) return refusal;
   cells_->receive(roster);
@@ -41,6 +51,7 @@ Refusal BroadcastNode::on_cell_roster(Utime now, std::span<const std::uint8_t> b
 }
 
 void BroadcastNode::listen_in_cells(Outbox& outbox) {
+  if (!cells_) return;
   const auto listen = [&outbox](const Cell& cell, bool listens) {
     for (const char* kind : {channel::kCellAnnouncement, channel::kCellRoster})
       outbox.listen(BusId::kSwarm, channel_of(kind, cell), listens);
@@ -53,16 +64,6 @@ void BroadcastNode::listen_in_cells(Outbox& outbox) {
     if (is_over) listen(cell, false);
     return is_over;
   });
-}
-
-void BroadcastNode::follow_peers() {
-  const std::map<int, CommitProtocol::Peer>& peers = protocol_.peers();
-  if (std::ranges::equal(
-          links_, peers, {}, [](const auto& link) { return link.first; }, [](const auto& peer) { return peer.first; }))
-    return;
-  std::erase_if(links_, [&](const auto& entry) { return !peers.contains(entry.first); });
-  for (const auto& entry : peers) links_[entry.first];
-  gap_ = to_duration(static_cast<double>(peers.size() + 1) / config_.swarm_rate_hz);
 }
 
 void BroadcastNode::announce_in_cells(CellAnnouncement* message, Outbox& outbox) {

@@ -5,6 +5,7 @@
 #include <array>
 #include <cstdint>
 #include <map>
+#include <memory>
 #include <optional>
 #include <set>
 #include <string>
@@ -12,46 +13,19 @@
 
 #include "lcmtypes/bus/header_source.h"
 #include "lcmtypes/bus/node.h"
-#include "lcmtypes/bus/option_set.h"
 #include "lcmtypes/bus/receive.h"
 #include "lcmtypes/bus/recurring.h"
+#include "planner_daemon/coordination/broadcast_config.h"
 #include "planner_daemon/coordination/cell_protocol.h"
-#include "planner_daemon/coordination/clock_offset.h"
-#include "planner_daemon/coordination/commit_protocol.h"
 #include "planner_daemon/coordination/flight_state.h"
 #include "planner_daemon/coordination/identity.h"
+#include "planner_daemon/coordination/peer_link.h"
 #include "planner_daemon/coordination/promise_store.h"
+#include "planner_daemon/coordination/roster_protocol.h"
 #include "planner_daemon/coordination/strangers.h"
 #include "planner_daemon/coordination/tracking_monitor.h"
-#include "planner_daemon/trajectory/motion_limits.h"
 
 namespace swarm {
-
-struct BroadcastConfig {
-  int robot_id = 0;
-  double radius_m = 0.2;
-  std::vector<int> roster;      // ids of all robots that fly: nothing is committed before each was heard
-  double cell_m = 0.0;          // edge of the cells that it flies in, instead of by a roster; 0: by the roster
-  MotionLimits limits;          // candidates beyond are rejected
-  double separation_m = 0.02;   // kept between surfaces of committed motions
-  double announce_s = 0.05;     // repetition of the announcement
-  double rest_s = 0.1;          // the same while the robot hovers
-  double lively_s = 0.008;      // the same right after news, while somebody waits for them
-  double swarm_rate_hz = 2000;  // announcements of all robots together, in cells of the robot and its peers, at most
-  double give_up_after_s = 5;   // a peer that was not heard for so long; 0: never
-  double setpoint_rate_hz = 100;
-  double yaw_rate_max_radps = 1.5;
-  double error_bound_m = 0.3;  // at most: so far from its motion the robot is expected to be
-  double off_course_m = 0.5;   // farther from its motion it has lost it
-  FlightRules flight;
-  double clock_error_s = 0.01;  // clocks of two robots differ by at most this
-  double clock_limit_s = 0.1;   // the robot's own messages from further in the future are refused
-  std::string state_dir;        // where promises survive a crash; empty: nowhere
-};
-
-void declare(OptionSet& options, BroadcastConfig& config);
-// Throws OptionError on combinations that cannot work.
-void verify(const BroadcastConfig& config);
 
 class BroadcastNode : public Node {
  public:
@@ -75,104 +49,93 @@ class BroadcastNode : public Node {
   std::int32_t lost() const;
 
  private:
-  struct Link {  // from a peer
-    SequenceGate gate;
-    ClockOffset clock;
-    Utime heard{};                  // of the newest announcement
-    std::int32_t answered_seq = 0;  // the newest of ours that it judged
-    Duration in_vain{};             // so long it was waited for since then, or its clock was wrong
-    std::int32_t boot = -1, lost = 0;
-    std::int64_t seq = 0;
-
-    CellAnnouncement newest;                // of who flies by a roster what the robot says alone
-    sogm_swarm::announcement_t last_words;  // that the protocol knows
-    bool waits = false;                     // the newest, to be judged
-    Utime may_be_judged{};                  // no earlier
-
-    bool is_of_other_time = false;  // what waits: where the peer is, with times set to ours, is for the planner alone
-    SequenceGate other_time;
-  };
-
+  // What the robot itself says (broadcast_onboard.cpp). Its other daemons follow the wall clock at once: where this
+  // one does not yet, their messages are in that time, and `ahead` is by how much.
+  template <class T>
+  Refusal receive_onboard(Utime now, std::span<const std::uint8_t> bytes, SequenceGate& gate, T* message,
+                          Duration* ahead) const;
   Refusal on_state(Utime now, std::span<const std::uint8_t> bytes);
   Refusal on_order(Utime now, std::span<const std::uint8_t> bytes);
   Refusal on_vehicle(Utime now, std::span<const std::uint8_t> bytes);
+  Refusal on_candidate(Utime now, std::span<const std::uint8_t> bytes);
+  Refusal on_own(Utime now, std::span<const std::uint8_t> bytes);
   // How far the robot is from its motion; one that has left it goes on from where it is.
   void track(Utime now, const sogm_swarm::robot_state_t& state);
-  Refusal on_candidate(Utime now, std::span<const std::uint8_t> bytes);
-  Refusal on_peer(Utime now, std::span<const std::uint8_t> bytes);
-  Refusal on_last_words(Utime now, std::span<const std::uint8_t> bytes);
+  // What is wrong with a candidate as a motion of this robot.
+  Rejection examine(Utime now, const Trajectory& candidate) const;
+  void fly(Utime now);                        // from the ground to the ground: what comes next by itself
+  FlightState::Robot robot(Utime now) const;  // of flight_; there is a motion
 
-  // In cells (broadcast_cells.cpp).
-  Refusal on_cell_roster(Utime now, std::span<const std::uint8_t> bytes);
-  // An announcement, if a peer's newer one than all before; of others only the header is good: kRobot, kSequence.
-  Refusal read_in_cells(std::span<const std::uint8_t> bytes, CellAnnouncement* message) const;
-  void listen_in_cells(Outbox& outbox);  // that it has to do with
-  void follow_peers();                   // who come and go
-  void announce_in_cells(CellAnnouncement* message, Outbox& outbox);
-  // What those may fly who were expelled, to the planner.
-  void show_tombstones(Utime now, Outbox& outbox);
-  // What a peer says by a clock that is wrong, or was heard since ours was set: nothing that was promised is known by
-  // it, but where the peer is.
-  void on_other_time(Utime now, sogm_swarm::announcement_t* message);
+  // What others say (broadcast_peers.cpp).
+  Refusal on_peer(Utime now, std::span<const std::uint8_t> bytes);
+  Refusal on_own_returned(Utime now, const sogm_swarm::header_t& header);
+  Refusal on_last_words(Utime now, std::span<const std::uint8_t> bytes);
   // Of somebody who is not of the roster.
   Refusal on_stranger(Utime now, sogm_swarm::announcement_t* message);
   void relay_strangers(Utime now, Outbox& outbox);
+  // Of a peer, from whatever channel.
+  Refusal heard(Utime now, CellAnnouncement said);
+  // What a peer says by a clock that is wrong, or was heard since ours was set: nothing that was promised is known by
+  // it, but where the peer is.
+  void on_other_time(Utime now, sogm_swarm::announcement_t* message);
+  void doubt_clock_of(int id, Utime now, Duration ahead);  // by so much it is ahead, or more
+  TimeWindow lately(Utime now) const { return {now, kMaxAge, to_duration(config_.clock_error_s)}; }
   // Has what waits from peers judged and relayed: of each peer the newest, twice as often as it may speak at most, and
   // of few peers at once. The rest waits until after the setpoint.
   void judge_peers(Utime now, Outbox& outbox);
+  void follow_peers();  // who come and go
   // Those that were not heard for too long; and starts anew where that was this one.
   void give_up(Utime now);
   // By the operator's word; whether it is given up by this robot now.
   bool go_on_without(Utime now, int id);
-  bool is_silent(Utime now, const Link& link) const;
+  bool is_silent(Utime now, const PeerLink& link) const;
   // It speaks, but does not hear this robot, or by a clock by which nobody can commit. Called once each kVotePeriod.
-  bool is_in_vain(const CommitProtocol::Peer& peer, Link* link) const;
+  bool is_in_vain(const CommitProtocol::Peer& peer, PeerLink* link) const;
   bool is_known(const sogm_swarm::announcement_t& message) const;  // to the protocol, as a peer's newest
   // Of those that were given up: to peers that know less, and to a planner that started since.
   void repeat_last_words(Utime now, Outbox& outbox);
-  Utime judge_due(Utime now, Link& link) const;  // kNever: nothing waits
-  Utime announce_due(Utime now);
-  void set_boot(std::int32_t boot);
-  Refusal on_own(Utime now, std::span<const std::uint8_t> bytes);
-  // Of the robot itself. Its other daemons follow the wall clock at once: where this one does not yet, their messages
-  // are in that time, and `ahead` is by how much.
-  template <class T>
-  Refusal receive_onboard(Utime now, std::span<const std::uint8_t> bytes, SequenceGate& gate, T* message,
-                          Duration* ahead) const;
-  // What is wrong with a candidate as a motion of this robot.
-  Rejection examine(Utime now, const Trajectory& candidate) const;
+
+  // In cells (broadcast_cells.cpp).
+  static std::unique_ptr<CellProtocol> in_cells(const CommitProtocol::Rules& rules, double edge_m);  // null: 0 m
+  Refusal on_cell_announcement(Utime now, std::span<const std::uint8_t> bytes);
+  Refusal on_cell_roster(Utime now, std::span<const std::uint8_t> bytes);
+  void listen_in_cells(Outbox& outbox);  // that it has to do with
+  void announce_in_cells(CellAnnouncement* message, Outbox& outbox);
+  // What those may fly who were expelled, to the planner.
+  void show_tombstones(Utime now, Outbox& outbox);
+
   Rejection propose(Utime now, const Trajectory& candidate, bool urgent = false);
   void advance(Utime now);
   void commit(Utime now);                          // what is agreed on
-  void fly(Utime now);                             // from the ground to the ground: what comes next by itself
-  FlightState::Robot robot(Utime now) const;       // of flight_; there is a motion
   bool keep(Utime now, CellAnnouncement promise);  // see store_fails_
   void keep_promise(Utime now);                    // the present one
-  CommitProtocol::Keep keeper(Utime now);
-  CellProtocol::Keep keeper_in_cells(Utime now);
+  FlightAgreement::Keep keeper(Utime now);
+  void set_boot(std::int32_t boot);
   bool clocks_agree(Utime now) const { return offered_step_ == 0us && now > clock_doubt_until_; }
-  void doubt_clock_of(int id, Utime now, Duration ahead);  // by so much it is ahead, or more
-  std::int16_t state(Utime now) const;                     // one of broadcast_status_t's
-  Activity flight_activity(Utime now) const;               // of one that may commit
-  // The robot whose messages' delay an announcement tells; -1: of none.
-  int told_about(const CellAnnouncement& message) const;
 
+  Utime announce_due(Utime now);
   void announce(Utime now, Outbox& outbox);
   void publish_own(Utime now, sogm_swarm::announcement_t message, Outbox& outbox);
   void publish_setpoint(Utime now, Outbox& outbox);
+
+  // What it says of itself (broadcast_activity.cpp).
+  std::int16_t state(Utime now) const;        // one of broadcast_status_t's
+  Activity flight_activity(Utime now) const;  // of one that may commit
   void publish_status(Utime now, Outbox& outbox);
   void publish_flight_status(Utime now, Outbox& outbox);
 
   static constexpr Duration kMaxAge = 1s;  // of messages from peers, keepers and planner
+  static constexpr Duration kClockDoubt = 1s;
 
   BroadcastConfig config_;
   PromiseStore& store_;
   KeptPromise kept_;
   HeaderSource announcement_headers_, own_headers_, words_headers_, setpoint_headers_, status_headers_, flight_headers_,
       promise_headers_;
-  std::optional<CellProtocol> cells_;  // none: it flies by the roster
-  CommitProtocol by_roster_;
-  CommitProtocol& protocol_;  // the one, or that of the cells
+  std::unique_ptr<CellProtocol> cells_;  // null: it flies by the roster
+  RosterProtocol by_roster_;
+  FlightAgreement& agreement_;  // the one or the other
+  CommitProtocol& protocol_;
   std::set<Cell> listens_in_;
   bool fits_frame_ = true;  // what it has to say in cells
   Identity identity_;
@@ -181,8 +144,7 @@ class BroadcastNode : public Node {
   MotionState measured_;  // position and velocity of the newest robot state
   RefusalCounts refused_;
   std::array<std::int32_t, kNumRejections> rejected_{};
-  std::vector<int> places_;    // ids of all robots that fly, ascending
-  std::map<int, Link> links_;  // by roster peer
+  std::map<int, PeerLink> links_;  // by peer
   Strangers strangers_;
   SequenceGate state_gate_, candidate_gate_, order_gate_, vehicle_gate_;
   double yaw_rad_ = 0.0;

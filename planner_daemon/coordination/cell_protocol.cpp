@@ -1,6 +1,7 @@
 #include "planner_daemon/coordination/cell_protocol.h"
 
 #include <algorithm>
+#include <iterator>
 #include <utility>
 #include <vector>
 
@@ -42,7 +43,7 @@ Rejection CellProtocol::propose(Utime now, const Trajectory& candidate, const Ke
   return rejection;
 }
 
-void CellProtocol::receive(Utime now, const CellAnnouncement& message) {
+void CellProtocol::receive(Utime now, const CellAnnouncement& message, const Keep&) {
   const auto& header = message.robot.header;
   const auto found = protocol_.peers().find(header.robot_id);
   if (found == protocol_.peers().end()) return;
@@ -111,9 +112,7 @@ void CellProtocol::set_clock(Utime now, Duration step) {
   for (auto& [cell, place] : places_) {
     if (!place.roster) continue;
     for (auto& [id, entry] : place.roster->entries) {
-      if (!entry.tombstone) continue;
-      entry.tombstone->committed.start_utime += step.count();
-      if (entry.tombstone->pending.seq != 0) entry.tombstone->pending.start_utime += step.count();
+      if (entry.tombstone) shift(step, &*entry.tombstone);
     }
   }
   wanted_until_ += step;
@@ -224,6 +223,12 @@ bool CellProtocol::commit(const Keep& keep) {
     kept.robot = promise;
     return keep(kept);
   });
+}
+
+int CellProtocol::told_about(const CellAnnouncement& message) const {
+  if (message.acks.empty()) return -1;
+  const auto seq = static_cast<std::size_t>(message.robot.header.seq);
+  return std::next(message.acks.begin(), static_cast<std::ptrdiff_t>(seq % message.acks.size()))->first;
 }
 
 CellAnnouncement CellProtocol::state() const {

@@ -47,62 +47,57 @@
 #include <optional>
 #include <set>
 
-#include "lcmtypes/bus/cell_messages.h"
-#include "planner_daemon/coordination/commit_protocol.h"
+#include "planner_daemon/coordination/flight_agreement.h"
 
 namespace swarm {
 
-class CellProtocol {
+class CellProtocol : public FlightAgreement {
  public:
   using CellsOf = std::function<std::set<Cell>(const Motion& motion, Utime from, double reach_m)>;
   struct Rules {
     CommitProtocol::Rules robot;  // its roster is not used
     CellsOf cells_of;             // as cells_touched()
   };
-  // Whether it is kept and will survive a crash.
-  using Keep = std::function<bool(const CellAnnouncement& promise)>;
-  using Standings = std::map<Cell, CellAnnouncement::Standing>;
 
   explicit CellProtocol(const Rules& rules);
 
-  // As in CommitProtocol; `kept`: the cells that an earlier start had to do with.
-  void start(const Motion& motion, std::int32_t forced_seq = 0, const Standings& kept = {});
+  void start(const Motion& motion, std::int32_t forced_seq = 0, const Standings& kept = {}) override;
   // kWaiting also when the robot is not in all cells that it touches: it will be, if the candidate is proposed again
   // soon.
-  Rejection propose(Utime now, const Trajectory& candidate, const Keep& keep, bool urgent = false);
-  // Of a peer; of others it changes nothing.
-  void receive(Utime now, const CellAnnouncement& message);
+  Rejection propose(Utime now, const Trajectory& candidate, const Keep& keep, bool urgent = false) override;
+  // Nothing is kept: what was answered is void after a restart.
+  void receive(Utime now, const CellAnnouncement& message, const Keep& keep) override;
   // Of a cell that the robot has to do with, newer than all before; others change nothing.
   void receive(const CellRoster& roster);
   // Switches to and withdraws what is due, wishes for cells and leaves them.
-  void advance(Utime now, const Keep& keep);
-  // As in CommitProtocol, of what is recorded in the cells as well.
-  void set_clock(Utime now, Duration step);
-  bool may_commit(Utime now) const { return protocol_.may_commit(now); }
-  bool commit(const Keep& keep);
+  void advance(Utime now, const Keep& keep) override;
+  // Also of what is recorded in the cells.
+  void set_clock(Utime now, Duration step) override;
+  bool commit(const Keep& keep) override;
 
   struct Place {  // a cell that the robot has to do with
     std::int64_t wish = 0;
     bool wishes = false;
     std::optional<CellRoster> roster{};  // the newest that is known
   };
-  // As in CommitProtocol. Members of its cells wait for its answers, for a newer epoch of it where one wants to join,
-  // and its keepers for what it wishes; it waits for all of them while it is not in where it wishes to be.
-  CommitProtocol::News take_news();
-  bool is_awaited(Utime now) const;
-  Utime due_utime(Utime now) const;
+  // Members of its cells wait for its answers, for a newer epoch of it where one wants to join, and its keepers for
+  // what it wishes; it waits for all of them while it is not in where it wishes to be.
+  CommitProtocol::News take_news() override;
+  bool is_awaited(Utime now) const override;
+  Utime due_utime(Utime now) const override;
 
-  // All but the header and what is known of clocks.
-  CellAnnouncement state() const;
+  CellAnnouncement state() const override;
+  CellAnnouncement promise() const override { return state(); }
+  int told_about(const CellAnnouncement& message) const override;
+  const CommitProtocol& robot() const override { return protocol_; }
+  CommitProtocol& robot() override { return protocol_; }
   bool is_in(const Cell& cell) const;
-  // Its motions, and what it wishes to fly.
-  const CommitProtocol& robot() const { return protocol_; }
-  // For what it has to be told of itself: errors and clocks that are doubted, what is forced, what was said.
-  CommitProtocol& robot() { return protocol_; }
   const std::map<Cell, Place>& places() const { return places_; }
+
+ protected:
+  // What is known besides, for who looks at whole states.
   const std::map<int, Standings>& peers_cells() const { return peers_cells_; }  // by the newest announcement of each
-  // So long it wishes for the cells of what it has proposed last.
-  Utime wanted_until() const { return wanted_until_; }
+  Utime wanted_until() const { return wanted_until_; }  // so long it wishes for the cells of what it has proposed last
 
  private:
   const CellRoster::Entry* own_entry(const Place& place) const;  // by its newest wish; null: there is none

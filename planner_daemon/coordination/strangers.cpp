@@ -10,6 +10,12 @@ namespace swarm {
 
 using sogm_swarm::announcement_t;
 
+namespace {
+
+constexpr Duration kPeriod = 20ms;  // of what is told of one, at most
+
+}  // namespace
+
 Refusal Strangers::admit(const announcement_t& message) {
   const bool is_one_more = !strangers_.contains(message.header.robot_id);
   if (is_one_more && std::ssize(strangers_) == kMaxStrangers) return Refusal::kRobot;
@@ -19,24 +25,21 @@ Refusal Strangers::admit(const announcement_t& message) {
 void Strangers::heard(announcement_t message) {
   Stranger& stranger = strangers_.at(message.header.robot_id);
   stranger.newest = std::move(message);
-  stranger.waits = true;
+  stranger.turn.wait();
 }
 
-std::optional<announcement_t> Strangers::take_due(Utime now, Duration gap) {
+std::optional<announcement_t> Strangers::take_due(Utime now) {
   for (auto& [id, stranger] : strangers_) {
-    stranger.may_go = std::min(stranger.may_go, now + gap);  // the clock may have been set back
-    if (!stranger.waits || now < stranger.may_go) continue;
-    stranger.waits = false;
-    stranger.may_go = now + gap;
+    if (stranger.turn.due(now, kPeriod) > now) continue;
+    stranger.turn.taken(now, kPeriod);
     return stranger.newest;
   }
   return std::nullopt;
 }
 
-Utime Strangers::due_utime(Utime now) const {
+Utime Strangers::due_utime(Utime now) {
   Utime due = kNever;
-  for (const auto& [id, stranger] : strangers_)
-    if (stranger.waits) due = std::min(due, std::max(stranger.may_go, now));
+  for (auto& [id, stranger] : strangers_) due = std::min(due, stranger.turn.due(now, kPeriod));
   return due;
 }
 

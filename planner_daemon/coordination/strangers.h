@@ -8,6 +8,7 @@
 
 #include "lcmtypes/bus/codec.h"
 #include "planner_daemon/coordination/commit_protocol.h"
+#include "planner_daemon/coordination/peer_link.h"
 
 namespace swarm {
 
@@ -19,9 +20,10 @@ class Strangers {
   void heard(sogm_swarm::announcement_t message);
   // It was given this roster since. False: it was no stranger.
   bool forget(int id) { return strangers_.erase(id) > 0; }
-  // One that waits to be told to the robot itself: of each the newest, no more often than `gap`; none: nothing is due.
-  std::optional<sogm_swarm::announcement_t> take_due(Utime now, Duration gap);
-  Utime due_utime(Utime now) const;  // kNever: nothing waits
+  // One that waits to be told to the robot itself: of each the newest, no more often than it has use for; none: nothing
+  // is due.
+  std::optional<sogm_swarm::announcement_t> take_due(Utime now);
+  Utime due_utime(Utime now);  // kNever: nothing waits
   bool contains(int id) const { return strangers_.contains(id); }
   std::vector<int> ids() const;
   // What each may fly, for CommitProtocol::set_tombstones().
@@ -31,8 +33,7 @@ class Strangers {
   struct Stranger {
     SequenceGate gate;
     sogm_swarm::announcement_t newest{};
-    bool waits = false;
-    Utime may_go{};
+    Turn turn;
   };
   std::map<int, Stranger> strangers_;
 };

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "lcmtypes/bus/limits.h"
+
 namespace swarm {
 
 using sogm_swarm::announcement_t;
@@ -19,6 +21,17 @@ Motion motion_of(const announcement_t& message) {
 
 Trajectory pending_of(const announcement_t& message) {
   return message.pending_state == announcement_t::kAnnounced ? Trajectory::from_wire(message.pending) : Trajectory();
+}
+
+void shift(Duration ahead, announcement_t* message) {
+  const auto later = [ahead](std::int64_t* utime) {
+    *utime = std::clamp<std::int64_t>(*utime + ahead.count(), 0, to_us(kMaxUtime));
+  };
+  later(&message->header.utime);
+  later(&message->committed.start_utime);
+  if (message->pending_state == announcement_t::kNone) return;
+  later(&message->pending.start_utime);
+  later(&message->pending_stamp);
 }
 
 ControlPoints control_points_between(const Motion& motion, Utime from, Utime to) {

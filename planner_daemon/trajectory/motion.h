@@ -30,6 +30,9 @@ struct Motion {
 Motion motion_of(const sogm_swarm::announcement_t& message);
 Trajectory pending_of(const sogm_swarm::announcement_t& message);
 
+// An announcement as it is by a clock that is `ahead`. Times stay within what a message may say: a peer may say any.
+void shift(Duration ahead, sogm_swarm::announcement_t* message);
+
 // Control points of the motion during [from, to], which must hold no knot inside.
 ControlPoints control_points_between(const Motion& motion, Utime from, Utime to);
 

@@ -53,13 +53,18 @@ struct Scope {
   bool commits_unrecorded = false;
 };
 
+// The protocol that flies, with all that it knows to be seen.
+struct SeenProtocol : CellProtocol {
+  using CellProtocol::CellProtocol, CellProtocol::peers_cells, CellProtocol::wanted_until;
+};
+
 class Swarm {
  public:
   explicit Swarm(const Scope& scope) : scope_(scope), n_(scope.goals.size()) {
     for (int c = 0; c < scope.cells; ++c) keepers_.push_back({CellKeeper(CellKeeper::Book{{c, 0}}), {}});
     for (std::size_t c = 0; c < keepers_.size(); ++c) publish_roster(c);
     for (std::size_t i = 0; i < n_; ++i) {
-      robots_.push_back({CellProtocol(rules(i, 1)), {}, 1, scope.proposals, scope.wishes});
+      robots_.push_back({SeenProtocol(rules(i, 1)), {}, 1, scope.proposals, scope.wishes});
       robots_[i].protocol.start({Trajectory::hover(1, kStart, scope.sites[i]), {}});
       robots_[i].kept = robots_[i].protocol.state();
     }
@@ -173,7 +178,7 @@ class Swarm {
       message.acks[static_cast<int>(to)].peer_boot = robots_[to].boot;
       for (auto& [cell, standing] : message.cells) standing.epoch = 1'000;
     }
-    robots_[to].protocol.receive(now(), message);
+    robots_[to].protocol.receive(now(), message, keeps(to));
     settle(to);
   }
   void tell_keeper(std::size_t from, std::size_t version, std::size_t c) {
@@ -209,7 +214,7 @@ class Swarm {
     Robot& robot = robots_[i];
     --crashes_;
     ++robot.boot;
-    robot.protocol = CellProtocol(rules(i, robot.boot));
+    robot.protocol = SeenProtocol(rules(i, robot.boot));
     CellProtocol::Standings cells = robot.kept.cells;
     if (scope_.uses_again) cells.clear();
     robot.protocol.start(motion_of(robot.kept.robot), robot.kept.robot.forced_seq, cells);
@@ -277,7 +282,7 @@ class Swarm {
 
  private:
   struct Robot {
-    CellProtocol protocol;
+    SeenProtocol protocol;
     CellAnnouncement kept;
     std::int32_t boot;
     int proposals, wishes;  // left
@@ -477,7 +482,7 @@ class Swarm {
     if (i == dead_) return;
     Robot& robot = robots_[i];
     robot.protocol.advance(now(), keeps(i));
-    if (robot.protocol.may_commit(now())) {
+    if (robot.protocol.robot().may_commit(now())) {
       (void)robot.protocol.commit(keeps(i));
       robot.protocol.advance(now(), keeps(i));
     }
@@ -678,8 +683,8 @@ TEST(CellProtocol, UrgentFlightsDoWithoutTheKeeper) {
   const Trajectory flight = quintic_to(protocol.robot().motion()->at(kStart + 1s), kStart + 1s, {2, 4, 1}, 1.0);
   EXPECT_EQ(protocol.propose(kStart, flight, keeps), Rejection::kWaiting);
   EXPECT_EQ(protocol.propose(kStart, flight, keeps, true), Rejection::kNone);
-  EXPECT_FALSE(protocol.may_commit(kStart + 900ms));
-  ASSERT_TRUE(protocol.may_commit(kStart + 1s - 1us));
+  EXPECT_FALSE(protocol.robot().may_commit(kStart + 900ms));
+  ASSERT_TRUE(protocol.robot().may_commit(kStart + 1s - 1us));
   EXPECT_TRUE(protocol.commit(keeps));
   EXPECT_EQ(protocol.robot().forced(), 1);
 }

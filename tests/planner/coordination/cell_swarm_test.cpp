@@ -121,14 +121,15 @@ class CellSwarm {
       if (robot.is_dead) continue;
       ++heard_;
       if (datagram.roster) robot.protocol.receive(*datagram.roster);
-      if (datagram.announcement) robot.protocol.receive(now_, *datagram.announcement);
-      settle(static_cast<std::size_t>(datagram.to));
+      const auto to = static_cast<std::size_t>(datagram.to);
+      if (datagram.announcement) robot.protocol.receive(now_, *datagram.announcement, keeps(to));
+      settle(to);
     }
   }
   void settle(std::size_t i) {
     Robot& robot = robots_[i];
     robot.protocol.advance(now_, keeps(i));
-    if (!robot.protocol.may_commit(now_)) return;
+    if (!robot.protocol.robot().may_commit(now_)) return;
     if (robot.protocol.commit(keeps(i))) delays_.push_back(now_ - robot.proposed), robot.has_goal = false;
   }
   void live(std::size_t i) {
