@@ -6,16 +6,12 @@
 #include <utility>
 
 #include "lcmtypes/bus/channels.h"
+#include "lcmtypes/bus/packed_announcement.h"
 #include "lcmtypes/bus/packed_cell_messages.h"
 #include "planner_daemon/coordination/broadcast_node.h"
 #include "planner_daemon/coordination/cell.h"
 
 namespace swarm {
-namespace {
-
-constexpr Duration kShown = 500ms;  // tombstones to the planner, again and again
-
-}  // namespace
 
 std::unique_ptr<CellProtocol> BroadcastNode::in_cells(const CommitProtocol::Rules& rules, double edge_m) {
   if (edge_m == 0.0) return nullptr;
@@ -66,7 +62,8 @@ void BroadcastNode::listen_in_cells(Outbox& outbox) {
   });
 }
 
-void BroadcastNode::announce_in_cells(CellAnnouncement* message, Outbox& outbox) {
+void BroadcastNode::say(CellAnnouncement* message, Outbox& outbox) {
+  if (!cells_) return outbox.publish(BusId::kSwarm, channel::kAnnouncement, pack(&message->robot));
   const auto packed = pack(message);
   if (fits_frame_ != packed.has_value()) {
     fits_frame_ = packed.has_value();
@@ -77,20 +74,6 @@ void BroadcastNode::announce_in_cells(CellAnnouncement* message, Outbox& outbox)
   if (!packed) return;
   for (const auto& entry : message->cells)
     outbox.publish(BusId::kSwarm, channel_of(channel::kCellAnnouncement, entry.first), *packed);
-}
-
-void BroadcastNode::show_tombstones(Utime now, Outbox& outbox) {
-  if (now < words_.due(now, kShown)) return;
-  words_.done(now);
-  for (const auto& entry : cells_->places()) {
-    if (!entry.second.roster) continue;
-    for (const auto& [id, member] : entry.second.roster->entries) {
-      if (member.state != Membership::kExpelled || !member.tombstone || id == config_.robot_id) continue;
-      sogm_swarm::announcement_t message = *member.tombstone;
-      message.header.utime = to_us(now + offered_step_);
-      outbox.publish(BusId::kOnboard, channel::kPeerTrajectory, message);
-    }
-  }
 }
 
 }  // namespace swarm

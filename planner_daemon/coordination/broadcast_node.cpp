@@ -133,6 +133,7 @@ bool BroadcastNode::on_clock_step(Utime now, Duration step) {
   tracking_.forget();
   flight_.shift(step);
   identity_.set_clock(then, step);
+  strangers_.set_clock(step);
   for (auto& [id, link] : links_) {  // what they differed by is not what they differ by
     link.clock = ClockOffset();
     link.heard += step;
@@ -191,7 +192,8 @@ Utime BroadcastNode::step(Utime now, Outbox& outbox) {
     }
     if (now >= announce_due(now)) announce(now, outbox);
     if (has_own_news_) publish_own(now, protocol_.state(), outbox);
-    cells_ ? show_tombstones(now, outbox) : repeat_last_words(now, outbox);
+    repeat_last_words(now, outbox);
+    show_tombstones(now, outbox);
     if (now >= setpoint_.due_on_grid(now, setpoint_period)) {
       if (!identity_.gives_way(now)) publish_setpoint(now, outbox);
       setpoint_.done(now);
@@ -236,11 +238,7 @@ void BroadcastNode::announce(Utime now, Outbox& outbox) {
     if (delay) message.least_delay_us = static_cast<std::int32_t>(delay->count());
   }
   const sogm_swarm::header_t header = message.header;
-  if (cells_) {
-    announce_in_cells(&said, outbox);
-  } else {
-    outbox.publish(BusId::kSwarm, channel::kAnnouncement, pack(&message));
-  }
+  say(&said, outbox);
   publish_own(now, std::move(message), outbox);
   protocol_.said();
   has_news_ = false;

@@ -92,17 +92,16 @@ class BroadcastNode : public Node {
   // It speaks, but does not hear this robot, or by a clock by which nobody can commit. Called once each kVotePeriod.
   bool is_in_vain(const CommitProtocol::Peer& peer, PeerLink* link) const;
   bool is_known(const sogm_swarm::announcement_t& message) const;  // to the protocol, as a peer's newest
-  // Of those that were given up: to peers that know less, and to a planner that started since.
+  // Of those that were given up, to peers that know less.
   void repeat_last_words(Utime now, Outbox& outbox);
+  // What those may fly that are not asked any more, to the planner: it may have started since.
+  void show_tombstones(Utime now, Outbox& outbox);
 
   // In cells (broadcast_cells.cpp).
   static std::unique_ptr<CellProtocol> in_cells(const CommitProtocol::Rules& rules, double edge_m);  // null: 0 m
   Refusal on_cell_announcement(Utime now, std::span<const std::uint8_t> bytes);
   Refusal on_cell_roster(Utime now, std::span<const std::uint8_t> bytes);
   void listen_in_cells(Outbox& outbox);  // that it has to do with
-  void announce_in_cells(CellAnnouncement* message, Outbox& outbox);
-  // What those may fly who were expelled, to the planner.
-  void show_tombstones(Utime now, Outbox& outbox);
 
   Rejection propose(Utime now, const Trajectory& candidate, bool urgent = false);
   void advance(Utime now);
@@ -115,6 +114,7 @@ class BroadcastNode : public Node {
 
   Utime announce_due(Utime now);
   void announce(Utime now, Outbox& outbox);
+  void say(CellAnnouncement* message, Outbox& outbox);  // to the roster or in cells
   void publish_own(Utime now, sogm_swarm::announcement_t message, Outbox& outbox);
   void publish_setpoint(Utime now, Outbox& outbox);
 
@@ -161,7 +161,7 @@ class BroadcastNode : public Node {
   bool has_news_ = false, has_own_news_ = false;  // for peers; for the planner
   std::optional<Utime> began_;                    // to wait for peers that were never heard
   Utime stepped_{};
-  Recurring vote_, words_, news_, announcement_, setpoint_, status_, flight_status_, leg_;
+  Recurring vote_, words_, tombstones_, news_, announcement_, setpoint_, status_, flight_status_, leg_;
   std::int32_t candidates_ = 0;
   struct InVain {  // candidates since one was committed, or any could be
     int count = 0;

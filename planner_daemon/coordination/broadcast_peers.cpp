@@ -3,6 +3,7 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
+#include <iterator>
 #include <utility>
 
 #include "lcmtypes/bus/packed_announcement.h"
@@ -18,7 +19,8 @@ constexpr Duration kNeverHeard = 10s;          // after its start a robot has he
 constexpr Duration kSlept = 500ms;             // between two steps: far more than between two setpoints
 constexpr Duration kVotePeriod = 100ms;
 constexpr Duration kWordsPeriod = 500ms;  // and fifty times as seldom as announcements may come
-constexpr int kMostJudged = 4;            // peers at once: far less time than between two setpoints
+constexpr Duration kTombstonePeriod = 500ms;
+constexpr int kMostJudged = 4;  // peers at once: far less time than between two setpoints
 
 bool ends_in_time(const announcement_t& message) {
   const Utime end = std::max(motion_of(message).end_utime(), pending_of(message).end_utime());
@@ -189,18 +191,26 @@ bool BroadcastNode::go_on_without(Utime now, int id) {
 }
 
 void BroadcastNode::repeat_last_words(Utime now, Outbox& outbox) {
-  const Duration period = std::max<Duration>(kWordsPeriod, 50 * gap_);
-  if (now < words_.due(now, period)) return;
+  if (now < words_.due(now, std::max<Duration>(kWordsPeriod, 50 * gap_))) return;
   words_.done(now);
   for (auto& [id, link] : links_) {
+    if (!clocks_agree(now) || !protocol_.must_repeat(id)) continue;
+    sogm_swarm::last_words_t words = last_words_of(&link.last_words);
+    words.header = words_headers_.next(now);
+    outbox.publish(BusId::kSwarm, channel::kLastWords, words);
+  }
+}
+
+void BroadcastNode::show_tombstones(Utime now, Outbox& outbox) {
+  if (now < tombstones_.due(now, kTombstonePeriod)) return;
+  tombstones_.done(now);
+  std::vector<announcement_t> tombstones = agreement_.tombstones();
+  std::ranges::move(strangers_.told(), std::back_inserter(tombstones));
+  for (const auto& [id, link] : links_) {
     const CommitProtocol::Peer& peer = protocol_.peers().at(id);
-    if (!peer.heard || !(peer.given_up || peer.is_never_answered())) continue;
-    if (clocks_agree(now) && protocol_.must_repeat(id)) {
-      sogm_swarm::last_words_t words = last_words_of(&link.last_words);
-      words.header = words_headers_.next(now);
-      outbox.publish(BusId::kSwarm, channel::kLastWords, words);
-    }
-    announcement_t message = link.last_words;
+    if (peer.heard && (peer.given_up || peer.is_never_answered())) tombstones.push_back(link.last_words);
+  }
+  for (announcement_t& message : tombstones) {
     shift(offered_step_, &message);
     message.header.utime = to_us(now + offered_step_);  // a planner that started since takes it as new
     outbox.publish(BusId::kOnboard, channel::kPeerTrajectory, message);

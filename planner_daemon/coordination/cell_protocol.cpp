@@ -201,19 +201,15 @@ bool CellProtocol::is_granted() const {
 // What follows from the rosters and from what peers say.
 void CellProtocol::settle() {
   std::set<int> peers, peers_before;
-  std::vector<CommitProtocol::Peer> tombstones;
   for (const auto& [cell, place] : places_) {
-    if (!place.wishes || !place.roster) continue;
-    for (const auto& [id, entry] : place.roster->entries) {
-      if (id == rules_.robot.robot_id) continue;
-      if (entry.state == Membership::kMember && is_listed(place)) peers.insert(id);
-      if (entry.state == Membership::kExpelled && entry.tombstone) tombstones.push_back(tombstone_of(*entry.tombstone));
-    }
+    if (!is_listed(place)) continue;
+    for (const auto& [id, entry] : place.roster->entries)
+      if (entry.state == Membership::kMember && id != rules_.robot.robot_id) peers.insert(id);
   }
   for (const auto& [id, peer] : protocol_.peers()) peers_before.insert(id);
   if (peers != peers_before) protocol_.set_peers(peers);
   std::erase_if(peers_cells_, [&peers](const auto& entry) { return !peers.contains(entry.first); });
-  protocol_.set_tombstones(tombstones);
+  protocol_.set_tombstones(tombstones());
   protocol_.withhold(!protocol_.pending().empty() && !is_granted());
 }
 
@@ -223,6 +219,17 @@ bool CellProtocol::commit(const Keep& keep) {
     kept.robot = promise;
     return keep(kept);
   });
+}
+
+std::vector<announcement_t> CellProtocol::tombstones() const {
+  std::vector<announcement_t> tombstones;
+  for (const auto& [cell, place] : places_) {
+    if (!place.wishes || !place.roster) continue;
+    for (const auto& [id, entry] : place.roster->entries)
+      if (entry.state == Membership::kExpelled && entry.tombstone && id != rules_.robot.robot_id)
+        tombstones.push_back(*entry.tombstone);
+  }
+  return tombstones;
 }
 
 int CellProtocol::told_about(const CellAnnouncement& message) const {

@@ -46,6 +46,7 @@
 #include <map>
 #include <optional>
 #include <set>
+#include <vector>
 
 #include "planner_daemon/coordination/flight_agreement.h"
 
@@ -89,6 +90,7 @@ class CellProtocol : public FlightAgreement {
   CellAnnouncement state() const override;
   CellAnnouncement promise() const override { return state(); }
   int told_about(const CellAnnouncement& message) const override;
+  std::vector<sogm_swarm::announcement_t> tombstones() const override;  // of who was expelled
   const CommitProtocol& robot() const override { return protocol_; }
   CommitProtocol& robot() override { return protocol_; }
   bool is_in(const Cell& cell) const;

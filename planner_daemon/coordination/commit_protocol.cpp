@@ -98,11 +98,24 @@ void CommitProtocol::set_boot(std::int32_t boot) {
   news_ = true;
 }
 
+void CommitProtocol::set_tombstones(const std::vector<announcement_t>& tombstones) {
+  tombstones_.clear();
+  for (const announcement_t& message : tombstones) {
+    Peer& tombstone = tombstones_.emplace_back();
+    tombstone.motion = motion_of(message);
+    tombstone.pending = pending_of(message);
+    tombstone.radius_m = tombstone.least_radius_m = message.radius;
+  }
+}
+
 void CommitProtocol::set_clock(Utime now, Duration step) {
   for (auto& [id, peer] : peers_) {
     for (Trajectory* known : {&peer.motion.committed, &peer.motion.next, &peer.pending}) known->shift(step);
     peer.hears_us = false;
   }
+  for (Peer& tombstone : tombstones_)
+    for (Trajectory* known : {&tombstone.motion.committed, &tombstone.motion.next, &tombstone.pending})
+      known->shift(step);
   if (!pending_.empty()) withdraw();
   if (!motion_ || motion_->end_utime() <= now) return;
   motion_ = Motion{Trajectory::hover(next_seq_++, now, motion_->at(motion_->end_utime()).position), {}};
@@ -139,14 +152,15 @@ bool CommitProtocol::keeps_off(const Trajectory& trajectory, const Motion& bound
   return motions_separated({trajectory, {}}, bound, start, stays_m);
 }
 
-bool CommitProtocol::keeps_off_tombstone(const Trajectory& trajectory, const Peer& peer) const {
-  return peer.pending.empty() || keeps_off(trajectory, {peer.motion.committed, peer.pending}, peer);
-}
-
 bool CommitProtocol::keeps_off_tombstones(const Trajectory& trajectory) const {
-  return std::all_of(tombstones_.begin(), tombstones_.end(), [&](const Peer& tombstone) {
-    return keeps_off(trajectory, tombstone.motion, tombstone) && keeps_off_tombstone(trajectory, tombstone);
-  });
+  const auto keeps_off_all = [&](const Peer& peer) {
+    return keeps_off(trajectory, peer.motion, peer) &&
+           (peer.pending.empty() || keeps_off(trajectory, {peer.motion.committed, peer.pending}, peer));
+  };
+  return std::all_of(tombstones_.begin(), tombstones_.end(), keeps_off_all) &&
+         std::all_of(peers_.begin(), peers_.end(), [&](const auto& entry) {
+           return !entry.second.given_up || !entry.second.heard || keeps_off_all(entry.second);
+         });
 }
 
 Rejection CommitProtocol::propose(Utime now, const Trajectory& candidate, bool urgent) {
@@ -156,11 +170,9 @@ Rejection CommitProtocol::propose(Utime now, const Trajectory& candidate, bool u
   if (!motion_->next.empty()) return Rejection::kBusy;
   if (!keeps_off_tombstones(candidate)) return Rejection::kConflict;
   for (const auto& [id, peer] : peers_) {
-    if (!peer.heard) continue;
+    if (!peer.heard || peer.given_up) continue;
     if (!keeps_off(candidate, peer.motion, peer)) return Rejection::kConflict;
-    if (peer.given_up && !keeps_off_tombstone(candidate, peer)) return Rejection::kConflict;
-    if (!peer.given_up && peer.acknowledged() &&
-        !free_of(candidate, {peer.motion.committed, peer.pending}, peer.radius_m))
+    if (peer.acknowledged() && !free_of(candidate, {peer.motion.committed, peer.pending}, peer.radius_m))
       return Rejection::kConflict;
   }
   if (!pending_.empty()) withdraw();  // a newer plan replaces the one that waits
@@ -351,9 +363,9 @@ bool CommitProtocol::may_commit(Utime now) const {
   if (!keeps_off_tombstones(pending_)) return false;
   return std::all_of(peers_.begin(), peers_.end(), [this, agreed](const auto& entry) {
     const auto& [id, peer] = entry;
-    const bool judged_there = agreed && id < rules_.robot_id && !peer.given_up;  // our P against its C
+    if (peer.given_up) return true;
+    const bool judged_there = agreed && id < rules_.robot_id;  // our P against its C
     if (peer.heard && !judged_there && !keeps_off(pending_, peer.motion, peer)) return false;
-    if (peer.given_up) return keeps_off_tombstone(pending_, peer);
     const bool counts = agreed ? peer.acknowledged() : !peer.pending.empty();
     return !counts || free_of(pending_, {peer.motion.committed, peer.pending}, peer.radius_m);
   });
@@ -440,14 +452,6 @@ Utime CommitProtocol::due_utime(Utime now) const {
   }
   if (motion_ && !motion_->next.empty()) due = std::min(due, motion_->next.start_utime());
   return due;
-}
-
-CommitProtocol::Peer tombstone_of(const announcement_t& message) {
-  CommitProtocol::Peer tombstone;
-  tombstone.motion = motion_of(message);
-  tombstone.pending = pending_of(message);
-  tombstone.radius_m = tombstone.least_radius_m = message.radius;
-  return tombstone;
 }
 
 }  // namespace swarm

@@ -154,9 +154,9 @@ class CommitProtocol {
   // For who flies in cells (cell_protocol.h). From now on these are the peers; who stays among them stays known.
   void set_peers(const std::set<int>& ids);
   std::int32_t roster_crc() const { return roster_crc_; }
-  // What robots may fly whom nobody asks (tombstone_of()): committed motion and pending trajectory of each are kept off
-  // as if flown.
-  void set_tombstones(const std::vector<Peer>& tombstones) { tombstones_ = tombstones; }
+  // The newest announcements of robots that are no peers, and that nobody asks: of each the committed motion and the
+  // pending trajectory are kept off as if flown, as those of a peer that was given up.
+  void set_tombstones(const std::vector<sogm_swarm::announcement_t>& tombstones);
   // Nothing is committed but what is urgent, whoever agrees.
   void withhold(bool withholds) { withholds_ = withholds; }
 
@@ -235,8 +235,8 @@ class CommitProtocol {
   // The trajectory, this robot's or the peer's, of the motion that the other one is bound to: or does not come nearer
   // to it, where they are too close already.
   bool keeps_off(const Trajectory& trajectory, const Motion& bound, const Peer& peer) const;
-  // The trajectory of all that a peer that was given up may fly, whatever was said to it.
-  bool keeps_off_tombstone(const Trajectory& trajectory, const Peer& peer) const;
+  // The trajectory of all that robots may fly that are not asked: peers that were given up, whatever was said to them,
+  // and others.
   bool keeps_off_tombstones(const Trajectory& trajectory) const;
 
   Rules rules_;
@@ -256,8 +256,5 @@ class CommitProtocol {
   bool news_ = false, answers_ = false, is_asked_again_ = false;
   int commits_ = 0, forced_ = 0, withdrawn_ = 0;
 };
-
-// Of a robot that is not asked: what it may fly by its newest announcement.
-CommitProtocol::Peer tombstone_of(const sogm_swarm::announcement_t& message);
 
 }  // namespace swarm

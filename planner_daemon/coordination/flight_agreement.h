@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <functional>
 #include <map>
+#include <vector>
 
 #include "lcmtypes/bus/cell_messages.h"
 #include "planner_daemon/coordination/commit_protocol.h"
@@ -38,6 +39,9 @@ class FlightAgreement {
   virtual CellAnnouncement promise() const = 0;
   // The robot whose messages' delay an announcement tells, each in turn; -1: of none.
   virtual int told_about(const CellAnnouncement& message) const = 0;
+
+  // What robots may fly that were peers, and are kept off without being asked: by their newest announcements.
+  virtual std::vector<sogm_swarm::announcement_t> tombstones() const = 0;
 
   // Its motions and its peers.
   virtual const CommitProtocol& robot() const = 0;

@@ -14,6 +14,7 @@ namespace swarm {
 class Turn {
  public:
   void wait() { waits_ = true; }
+  bool waits() const { return waits_; }
   // At `now` + `longest` the latest: the clock may have been set back. kNever: nothing waits.
   Utime due(Utime now, Duration longest) {
     may_go_ = std::min(may_go_, now + longest);

@@ -29,6 +29,8 @@ class RosterProtocol : public FlightAgreement {
   CellAnnouncement state() const override { return {protocol_.state(), {}, {}}; }
   CellAnnouncement promise() const override { return {protocol_.promise(), {}, {}}; }
   int told_about(const CellAnnouncement& message) const override;
+  // Who is given up stays a peer, and strangers never were.
+  std::vector<sogm_swarm::announcement_t> tombstones() const override { return {}; }
   const CommitProtocol& robot() const override { return protocol_; }
   CommitProtocol& robot() override { return protocol_; }
 

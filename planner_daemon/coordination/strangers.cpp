@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "lcmtypes/bus/limits.h"
+#include "planner_daemon/trajectory/motion.h"
 
 namespace swarm {
 
@@ -49,10 +50,24 @@ std::vector<int> Strangers::ids() const {
   return ids;
 }
 
-std::vector<CommitProtocol::Peer> Strangers::tombstones() const {
-  std::vector<CommitProtocol::Peer> tombstones;
-  for (const auto& [id, stranger] : strangers_) tombstones.push_back(tombstone_of(stranger.newest));
+std::vector<announcement_t> Strangers::tombstones() const {
+  std::vector<announcement_t> tombstones;
+  for (const auto& [id, stranger] : strangers_) tombstones.push_back(stranger.newest);
   return tombstones;
+}
+
+std::vector<announcement_t> Strangers::told() const {
+  std::vector<announcement_t> told;
+  for (const auto& [id, stranger] : strangers_)
+    if (!stranger.turn.waits()) told.push_back(stranger.newest);
+  return told;
+}
+
+void Strangers::set_clock(Duration step) {
+  for (auto& [id, stranger] : strangers_) {
+    shift(step, &stranger.newest);
+    stranger.turn.set_clock(step);
+  }
 }
 
 }  // namespace swarm

@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "lcmtypes/bus/codec.h"
-#include "planner_daemon/coordination/commit_protocol.h"
 #include "planner_daemon/coordination/peer_link.h"
 
 namespace swarm {
@@ -26,8 +25,12 @@ class Strangers {
   Utime due_utime(Utime now);  // kNever: nothing waits
   bool contains(int id) const { return strangers_.contains(id); }
   std::vector<int> ids() const;
-  // What each may fly, for CommitProtocol::set_tombstones().
-  std::vector<CommitProtocol::Peer> tombstones() const;
+  // The newest of each, for CommitProtocol::set_tombstones().
+  std::vector<sogm_swarm::announcement_t> tombstones() const;
+  // Of those the newest was told.
+  std::vector<sogm_swarm::announcement_t> told() const;
+  // The own clock is set: they move when they did.
+  void set_clock(Duration step);
 
  private:
   struct Stranger {

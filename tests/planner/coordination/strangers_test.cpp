@@ -85,6 +85,37 @@ TEST(Strangers, AreToldToThePlannerNoMoreOftenThanItNeeds) {
   EXPECT_NEAR(drawn.back().committed.knots[0][1], 0.99, 1e-4) << "the newest";
 }
 
+// A planner that started since knows nothing of those that have fallen silent.
+TEST(Strangers, AreToldAgainWhenTheyAreSilent) {
+  Robot robot(0);
+  robot.send(channel::kAnnouncement, stranger(7, 0, robot.now, {5, 0, 1}), BusId::kSwarm);
+  robot.run_for(5.0);
+  robot.out.letters.clear();
+  robot.run_for(1.0);
+  const auto drawn = robot.out.newest<announcement_t>(channel::kPeerTrajectory);
+  EXPECT_EQ(drawn.header.robot_id, 7);
+  EXPECT_NEAR(to_seconds(robot.now - to_utime(drawn.header.utime)), 0.0, 0.6);
+}
+
+// It crosses the robot's way after four seconds, by whatever clock.
+TEST(Strangers, MoveWhenTheyDidThoughTheClockIsSet) {
+  for (const Duration step : {0us, Duration(3s), Duration(-3s)}) {
+    Robot robot(0);
+    MotionState from;
+    from.position = {2, -8, 1};
+    announcement_t message = stranger(7, 0, robot.now, from.position);
+    message.committed = quintic_to(from, robot.now, {2, 8, 1}, 8.0).to_wire();
+    robot.send(channel::kAnnouncement, message, BusId::kSwarm);
+    robot.run_for(1.0);
+    robot.wall_ahead = step;
+    robot.step();
+    robot.propose(robot.plan({4, 0, 1}, 0.1, 5.8), true);
+    EXPECT_EQ(robot.node.rejected(Rejection::kConflict), 1) << to_seconds(step);
+    robot.propose(robot.plan({4, 0, 1}, 0.1, 2.0), true);
+    EXPECT_EQ(robot.node.rejected(Rejection::kConflict), 1) << to_seconds(step);
+  }
+}
+
 TEST(Strangers, WhoIsWaitedForMayBeOne) {
   Robot robot(0, false);
   robot.send_state();
