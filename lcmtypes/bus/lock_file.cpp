@@ -12,12 +12,32 @@
 
 namespace swarm {
 
+namespace {
+
+std::runtime_error not_locked(const std::filesystem::path& path, const std::string& reason) {
+  return std::runtime_error(path.string() + ": cannot be locked: " + reason);
+}
+
+}  // namespace
+
+void lock_open_file(int descriptor, const std::filesystem::path& path, const std::function<void()>& is_taken) {
+  if (::flock(descriptor, LOCK_EX | LOCK_NB) == 0) return;
+  if (errno == EWOULDBLOCK) {
+    is_taken();
+    if (::flock(descriptor, LOCK_EX) == 0) return;
+  }
+  throw not_locked(path, std::strerror(errno));
+}
+
 LockFile::LockFile(const std::filesystem::path& path, const std::string& who)
     : descriptor_(::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NONBLOCK, 0600)) {
-  if (descriptor_ >= 0 && ::flock(descriptor_, LOCK_EX | LOCK_NB) == 0) return;
-  const std::string reason = errno == EWOULDBLOCK ? who : std::strerror(errno);
-  if (descriptor_ >= 0) ::close(descriptor_);
-  throw std::runtime_error(path.string() + ": cannot be locked: " + reason);
+  if (descriptor_ < 0) throw not_locked(path, std::strerror(errno));
+  try {
+    lock_open_file(descriptor_, path, [&] { throw not_locked(path, who); });
+  } catch (...) {
+    ::close(descriptor_);
+    throw;
+  }
 }
 
 LockFile::~LockFile() {

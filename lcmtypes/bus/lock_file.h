@@ -2,9 +2,14 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <string>
 
 namespace swarm {
+
+// Locks a file that is open, until it is closed by all that share the descriptor. Where somebody has it, `is_taken` is
+// called: after that, unless it throws, it is waited for. Throws std::runtime_error with path and reason.
+void lock_open_file(int descriptor, const std::filesystem::path& path, const std::function<void()>& is_taken);
 
 class LockFile {
  public:

@@ -33,6 +33,9 @@ constexpr Duration kTimerSlack = 20us;
 // A replayed message whose time is farther off than this is of another part of the log.
 constexpr Duration kReplayJump = 50ms;
 
+// Characters of channels that are named in the log: who keeps many cells listens to thousands.
+constexpr std::size_t kMostNamed = 300;
+
 // Lets one warning per second pass.
 class RateLimit {
  public:
@@ -110,7 +113,7 @@ class RealtimeHost::Seat : public Outbox {
       const auto& bus = port(id).bus;
       if (!bus) continue;
       std::string& heard = channels[static_cast<std::size_t>(id)];
-      if (const std::size_t end = heard.find(' ', 300); end != std::string::npos)
+      if (const std::size_t end = heard.find(' ', kMostNamed); end != std::string::npos)
         heard.replace(end, heard.npos, " ...");
       spdlog::info("{}: {} bus {}, listens to{}", name_, id == BusId::kOnboard ? "onboard" : "swarm",
                    bus->url().to_string(), heard.empty() ? " nothing" : heard);

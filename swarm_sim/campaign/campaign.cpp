@@ -1,7 +1,6 @@
 #include "swarm_sim/campaign/campaign.h"
 
 #include <fcntl.h>
-#include <sys/file.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -17,6 +16,7 @@
 #include <thread>
 
 #include "lcmtypes/bus/atomic_file.h"
+#include "lcmtypes/bus/lock_file.h"
 #include "lcmtypes/bus/temporary_directory.h"
 #include "lcmtypes/bus/text.h"
 #include "swarm_sim/hosts/lockstep.h"
@@ -58,16 +58,6 @@ std::vector<TrialRow> parse_rows(const std::string& text, const std::filesystem:
   }
   *torn = text.size() - begin;
   return rows;
-}
-
-void lock_results(int descriptor, const std::filesystem::path& path, const std::function<void(std::size_t)>& waits) {
-  if (::flock(descriptor, LOCK_EX | LOCK_NB) == 0) return;
-  if (errno == EWOULDBLOCK) {
-    std::size_t torn = 0;
-    waits(parse_rows(read_text(path), path, &torn).size());
-    if (::flock(descriptor, LOCK_EX) == 0) return;
-  }
-  throw std::runtime_error(path.string() + ": cannot be locked: " + std::generic_category().message(errno));
 }
 
 // All at once, as far as there is room.
@@ -121,9 +111,9 @@ ResultsFile::ResultsFile(std::filesystem::path path, const std::function<void(st
   descriptor_ = ::open(path_.c_str(), O_RDWR | O_CREAT | O_APPEND | O_CLOEXEC, 0644);
   if (descriptor_ < 0) fail_to_write(path_);
   try {
-    lock_results(descriptor_, path_, waits);
-    const std::string text = read_text(path_);
     std::size_t torn = 0;
+    lock_open_file(descriptor_, path_, [&] { waits(parse_rows(read_text(path_), path_, &torn).size()); });
+    const std::string text = read_text(path_);
     rows_ = parse_rows(text, path_, &torn);
     if (torn == text.size() && torn > 0 && csv_line(trial_columns()).compare(0, torn, text) != 0)
       throw std::runtime_error(path_.string() + ": line 1: must be the columns of this program's results");
