@@ -18,6 +18,7 @@ using sogm_swarm::planner_status_t;
 
 constexpr Duration kMaxAge = 1s;
 constexpr Duration kStatusPeriod = 1s;
+constexpr Duration kElsewhere = 3s;   // where peers come and go, one that was not heard for so long has flown elsewhere
 constexpr Duration kSilent = 500ms;   // a peer that was not heard for so long may have to step aside unseen
 constexpr Duration kUrgent = 1s;      // before an obstacle comes, a plan must begin to get out of its way
 constexpr Duration kGetAway = 600ms;  // and can begin at the latest
@@ -81,9 +82,6 @@ void declare(OptionSet& options, PlannerNodeConfig& config) {
   options.add("calm-period", &config.calm_period_s, 0, 10, "s",
               "the same, while nothing comes into the way of what is flown and the goal stays");
   options.add("stale-map", &config.stale_map_s, 0.05, 10, "s", "an older map is not planned with");
-  options.add("forget-peers-after", &config.forget_peers_after_s, 0, 1e6, "s",
-              "a peer that was not heard for so long has flown elsewhere, as robots in cells do; 0: it is where it was "
-              "bound to be");
   options.add(
       "clock-error", &planner.space.clock_error_s, 0, 1, "s",
       "clocks of two robots differ by at most this: peers are avoided as if they came so much earlier or later");
@@ -182,6 +180,7 @@ Refusal PlannerNode::on_own(std::span<const std::uint8_t> bytes) {
   const std::int32_t bound_to = own_ ? own_->next.seq() : 0;
   const Trajectory waited = pending_;
   own_ = motion_of(message);
+  peers_come_and_go_ = message.num_acks == 0;
   margin_m_ = std::max(0.0f, message.radius - static_cast<float>(config_.planner.space.radius_m));
   pending_ = pending_of(message);
   const Trajectory& newest = pending_.empty() ? own_->next : pending_;
@@ -348,9 +347,9 @@ Utime PlannerNode::start_utime(Utime now, bool is_slow) {
 }
 
 void PlannerNode::forget_peers(Utime now) {
-  if (config_.forget_peers_after_s == 0.0) return;
+  if (!peers_come_and_go_) return;
   for (auto entry = peers_.begin(); entry != peers_.end();) {
-    if (now - entry->second.heard < to_duration(config_.forget_peers_after_s)) {
+    if (now - entry->second.heard < kElsewhere) {
       ++entry;
       continue;
     }

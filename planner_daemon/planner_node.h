@@ -25,12 +25,11 @@ namespace swarm {
 struct PlannerNodeConfig {
   int robot_id = 0;
   PlannerConfig planner;
-  double lead_s = 0.025;              // from the start of planning to the announcement, until that was measured
-  double period_s = 0.04;             // least time between plans
-  double calm_period_s = 0.25;        // the same, while nothing asks for one
-  double stale_map_s = 0.35;          // an older SOGM is not planned with
-  double forget_peers_after_s = 0.0;  // who was not heard for so long is not there any more; 0: he is
-  double clock_limit_s = 0.1;         // messages from further in the future are refused
+  double lead_s = 0.025;        // from the start of planning to the announcement, until that was measured
+  double period_s = 0.04;       // least time between plans
+  double calm_period_s = 0.25;  // the same, while nothing asks for one
+  double stale_map_s = 0.35;    // an older SOGM is not planned with
+  double clock_limit_s = 0.1;   // messages from further in the future are refused
 };
 
 void declare(OptionSet& options, PlannerNodeConfig& config);
@@ -96,6 +95,7 @@ class PlannerNode : public Node {
   Utime ways_utime_{};                  // of the map with which the ways to another goal were worked out last
   std::optional<Rehearsal> rehearsal_;  // until it is over
   std::optional<Motion> own_;
+  bool peers_come_and_go_ = false;     // as robots in cells do
   double margin_m_ = 0.0;              // beyond the clearance, as the broadcaster announces it
   Trajectory pending_;                 // of our plans: waits for acknowledgements; may be empty
   Utime pending_stamp_{};              // when it was announced

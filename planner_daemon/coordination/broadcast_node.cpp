@@ -191,7 +191,7 @@ Utime BroadcastNode::step(Utime now, Outbox& outbox) {
       news_.done(now);
     }
     if (now >= announce_due(now)) announce(now, outbox);
-    if (has_own_news_) publish_own(now, protocol_.state(), outbox);
+    if (has_own_news_) publish_own(now, agreement_.state().robot, outbox);
     repeat_last_words(now, outbox);
     show_tombstones(now, outbox);
     if (now >= setpoint_.due_on_grid(now, setpoint_period)) {

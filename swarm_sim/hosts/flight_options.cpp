@@ -8,8 +8,7 @@ namespace swarm {
 namespace {
 
 constexpr double kSideRoom_m = 1.0;
-constexpr double kCellRoom_m = 5.0;          // beyond the space, where who steps aside may be
-constexpr double kForgetPeersAfter_s = 3.0;  // in cells, where they come and go
+constexpr double kCellRoom_m = 5.0;  // beyond the space, where who steps aside may be
 
 std::string known_map(const World& world) {
   return world.sensor.known_map == "none" ? std::string() : world.static_map.string();
@@ -53,7 +52,6 @@ PlannerNodeConfig planner_config(const World& world, const WorldRobot& robot, co
   PlannerNodeConfig config = options.planner;
   config.robot_id = robot.id;
   config.planner.space.radius_m = robot.radius_m;
-  if (options.cells_m > 0.0) config.forget_peers_after_s = kForgetPeersAfter_s;
   config.planner.static_map = map_of_guidance(world, robot, options);
   SearchLimits& limits = config.planner.limits;
   static_cast<MotionLimits&>(limits) = limits_of(world, robot);

@@ -436,11 +436,10 @@ TEST(PlannerNodeConfig, ImpossibleCombinationsAreRefusedByName) {
 
 // In cells peers come and go; by a roster who is silent is where it was bound to be.
 TEST(PlannerNode, ForgetsPeersThatFlewElsewhere) {
-  for (const double after_s : {0.0, 3.0}) {
-    SCOPED_TRACE(after_s);
-    PlannerNodeConfig config = PlannerNodeFixture::make_config();
-    config.forget_peers_after_s = after_s;
-    PlannerNodeFixture f(config);
+  for (const bool is_in_cells : {false, true}) {
+    SCOPED_TRACE(is_in_cells);
+    PlannerNodeFixture f;
+    f.num_acks = is_in_cells ? 0 : 2;
     f.start({2, 0, 1});
     f.send_peer(4, Trajectory::hover(1, f.now, {1, 1, 1}));
     f.send_peer(5, Trajectory::hover(1, f.now, {1, -1, 1}));
@@ -450,7 +449,7 @@ TEST(PlannerNode, ForgetsPeersThatFlewElsewhere) {
     f.send_hover();
     f.send_map();
     const std::vector<Peer>& peers = *f.node.newest_request().peers;
-    ASSERT_EQ(peers.size(), after_s == 0.0 ? 2u : 1u);
+    ASSERT_EQ(peers.size(), is_in_cells ? 1u : 2u);
     EXPECT_EQ(peers.back().id, 5);
     f.send_peer(5, Trajectory::hover(3, f.now, {1, -2, 1}));
     f.send_peer(4, Trajectory::hover(2, f.now, {1, 2, 1}));

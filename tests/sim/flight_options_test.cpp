@@ -92,12 +92,10 @@ TEST(FlightOptions, ManyRobotsFlyInCells) {
   World world = make_world(Task::kRandom, Environment::kEmpty, 0, 1, {.robots = 61, .space_m = {40, 40, 4}});
   FlightOptions options;
   EXPECT_THROW(check_robots(world, options), OptionError);
-  EXPECT_EQ(planner_config(world, world.robots[0], options).forget_peers_after_s, 0.0);
   options.cells_m = 8;
   check_robots(world, options);
   EXPECT_EQ(broadcast_config(world, world.robots[0], options).cell_m, 8);
   EXPECT_TRUE(broadcast_config(world, world.robots[0], options).roster.empty());
-  EXPECT_GT(planner_config(world, world.robots[0], options).forget_peers_after_s, 0.0);
   const KeeperConfig keeper = keeper_config(world, options);
   EXPECT_TRUE((keeper.space_min.array() < -20).head(2).all() && (keeper.space_max.array() > 20).head(2).all());
 }

@@ -70,6 +70,8 @@ class PlannerNodeFixture : public Bench<PlannerNode> {
     message.pending = pending.to_wire();
     message.pending_state = pending.empty() ? announcement_t::kNone : state;
     message.pending_stamp = to_us(stamp);
+    message.num_acks = num_acks;
+    message.acks.resize(static_cast<std::size_t>(num_acks));
     return message;
   }
   void start(const Eigen::Vector3d& goal) {
@@ -95,6 +97,7 @@ class PlannerNodeFixture : public Bench<PlannerNode> {
   planner_status_t status() const { return out.newest<planner_status_t>(channel::kPlannerStatus); }
 
   Sogm map;
+  std::int16_t num_acks = 2;  // of announcements; 0: as in cells
 
  private:
   SogmEncoder encoder_;
