@@ -99,8 +99,6 @@ class ProgressLine {
 void verify(const RunOptions& run) {
   if (!run.processes.mavlink.empty() && run.mode != "processes")
     throw OptionError("mavlink: in lock-step there is no mavlink_bridge; --mode processes");
-  if (run.flight.cells_m > 0.0 && run.mode == "processes")
-    throw OptionError("cells: keepers fly in lock-step alone so far; --mode lockstep");
   if (run.processes.mavlink.empty() && (run.processes.autopilot.on_ground || run.processes.autopilot.battery_s > 0.0))
     throw OptionError("on-ground, battery-s: of a flight controller; --mavlink position or attitude");
 }

@@ -39,6 +39,17 @@
 // Who waits for whom: as in one roster, but only members of common cells for each other, and for a dead one until it is
 // expelled. While a keeper is silent, nobody joins its cell, and nothing that touches the cell is committed; robots
 // there come to rest where they promised to. A book that is lost must not be begun anew while robots fly.
+//
+// A second keeper of a cell, with a book of its own, is a mistake that no rule makes safe over any network: robots that
+// know one keeper each do not know of each other. So a keeper only listens at first, for as long as ten rosters of
+// another are apart (`KeeperConfig::listen_s`), and the later of two falls silent for good when it hears the other, for
+// its book knows nothing of what that one recorded meanwhile. To robots that is a keeper that is silent: nothing that
+// touches the cell is committed by its last roster, for nothing is recorded there any more. They go on by the other's
+// once one is newer by its number: it shows them as members when that keeper has heard them, with what they are bound
+// to, and from then on nobody there commits what they have not judged. That an epoch which they echo is one of the
+// silent keeper's makes nobody commit: who echoes it has to judge as well, and judges peers alone. What remains is what
+// robots commit that know one keeper each, before one of these hears the other: while it begins, if all that the other
+// says is lost.
 #pragma once
 
 #include <cstdint>

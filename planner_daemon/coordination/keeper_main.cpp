@@ -33,6 +33,6 @@ int main(int argc, char** argv) {
           if (begins) swarm::FileBookStore::begin(config.state_dir, config.cell_m);
           store = std::make_unique<swarm::FileBookStore>(config.state_dir, config.cell_m);
         }
-        return std::make_unique<swarm::KeeperNode>(config, *store, swarm::new_boot());
+        return std::make_unique<swarm::KeeperNode>(config, *store, swarm::new_boot_by_wall_clock());
       });
 }

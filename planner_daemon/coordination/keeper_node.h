@@ -23,6 +23,7 @@ struct KeeperConfig {
   double cell_m = 8.0;  // edge of the cells
   // Flight space, W [m]: all cells that it has a part of are kept here, and nowhere else.
   Eigen::Vector3d space_min = {-16, -16, 0}, space_max = {16, 16, 4};
+  double listen_s = 0.5;        // after its start it says and records nothing: another may keep the cells
   double roster_s = 0.05;       // repetition of rosters
   double expel_after_s = 2.0;   // who was not heard for so long
   double clock_error_s = 0.01;  // messages from further in the future are refused
@@ -33,9 +34,14 @@ void declare(OptionSet& options, KeeperConfig& config);
 // Throws OptionError on what cannot work.
 void verify(const KeeperConfig& config);
 
+// All cells that a keeper keeps: two may share a border, but no cell.
+std::vector<Cell> cells_kept(const KeeperConfig& config);
+
+// Another keeper of the same cells is a mistake (cell_protocol.h): the one that began later says and records nothing
+// from when it hears the other, until it is started again; both say so.
 class KeeperNode : public Node {
  public:
-  // Goes on with what `store` kept, which must outlive the node. `boot` grows at every start.
+  // Goes on with what `store` kept, which must outlive the node. `boot` grows at every start, of whichever keeper.
   KeeperNode(const KeeperConfig& config, BookStore& store, std::int32_t boot);
 
   std::vector<Subscription> subscriptions() const override;
@@ -58,6 +64,9 @@ class KeeperNode : public Node {
     Recurring roster{};
   };
   Refusal on_robot(Utime now, std::span<const std::uint8_t> bytes);
+  Refusal on_keeper(Utime now, std::span<const std::uint8_t> bytes);
+  bool is_own(const sogm_swarm::header_t& header) const;
+  bool keeps(Utime now) const;  // and speaks
   CellKeeper::Keep keeper();
   void expel_silent(Utime now, Kept* kept);
   void announce(Utime now, const Cell& cell, Kept* kept, Outbox& outbox);
@@ -65,6 +74,16 @@ class KeeperNode : public Node {
   KeeperConfig config_;
   BookStore& store_;
   HeaderSource headers_;
+  std::int32_t boot_;
+  std::int64_t said_ = -1;      // header.seq of the newest roster
+  std::optional<Utime> began_;  // none: before the first step
+  struct Other {                // keeper
+    int id;
+    Cell cell;
+    Utime heard;
+  };
+  std::optional<Other> other_;  // that was heard last
+  bool gives_way_ = false;      // to it
   std::map<Cell, Kept> cells_;
   std::map<int, SequenceGate> gates_;  // by robot
   RefusalCounts refused_;

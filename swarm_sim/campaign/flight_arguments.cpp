@@ -27,8 +27,8 @@ void for_each_number(Arguments& arguments, const Visit& visit) {
   auto& link = arguments.link;
   visit("time-limit", arguments.time_limit_s, 0.1, 86400, "s", "of simulated time");
   visit("cells", arguments.cells_m, 0, 1000, "m",
-        "lock-step: robots fly in cells of the ground with edges of this, each with a keeper, as more than 60 must; 0: "
-        "all know all");
+        "robots fly in cells of the ground with edges of this, each with a keeper, as more than 60 must; 0: all know "
+        "all");
   visit("link-delay-ms", link.delay_ms, 0, 10'000, "ms", "that messages between robots take longer");
   visit("link-jitter-ms", link.jitter_ms, 0, 10'000, "ms", "the delay is uniform within +- this, at least 0");
   visit("link-loss", link.loss, 0, 1, "", "share of the messages between robots that never arrives");
@@ -47,9 +47,7 @@ void for_each_text(Arguments& arguments, const Visit& visit) {
   visit("strangers", arguments.strangers, "ROBOT,...: robots that are in nobody's roster, nor anybody in theirs");
   visit("kill", arguments.kills,
         "DAEMON:ROBOT@AT_S[-BACK_S],...: daemons (map, planner, broadcast, perception) that are killed, and started "
-        "again 0.1 s "
-        "later "
-        "or at BACK_S");
+        "again 0.1 s later or at BACK_S; keeper@AT_S[-BACK_S]: that of the cells");
   visit("clock-step", arguments.clock_steps, "ROBOT:AT_S:BY_S,...: clocks that are set in flight, by so much");
   visit("map-config", arguments.map_config,
         "config file for every map_daemon; identity and map file come from the world");

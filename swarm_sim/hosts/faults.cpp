@@ -17,13 +17,15 @@ std::vector<Kill> parse_kills(const std::string& text) {
     const auto daemon = std::ranges::find(kDaemons, who[0], [](const char* name) { return std::string(name); });
     Kill kill;
     kill.daemon = static_cast<std::size_t>(daemon - kDaemons.begin());
-    const bool good = halves.size() == 2 && who.size() == 2 && when.size() <= 2 && daemon != kDaemons.end() &&
-                      read_amount(who[1], &kill.robot_id) && read_amount(when[0], &kill.at_s);
+    const bool is_keeper = halves[0] == "keeper";  // one that is no robot's daemon
+    const bool is_daemon = who.size() == 2 && daemon != kDaemons.end() && read_amount(who[1], &kill.robot_id);
+    const bool good =
+        halves.size() == 2 && when.size() <= 2 && (is_keeper || is_daemon) && read_amount(when[0], &kill.at_s);
     kill.back_s = kill.at_s + kRestart_s;
     if (!good || (when.size() == 2 && (!read_amount(when[1], &kill.back_s) || kill.back_s <= kill.at_s)))
       throw OptionError("'" + item +
                         "' must be DAEMON:ROBOT@AT_S or DAEMON:ROBOT@AT_S-BACK_S, DAEMON one of map, planner, "
-                        "broadcast, perception, AT_S below BACK_S");
+                        "broadcast, perception, or keeper instead of both, AT_S below BACK_S");
     for (const Kill& other : kills) {
       const bool is_same = other.daemon == kill.daemon && other.robot_id == kill.robot_id;
       if (is_same && other.at_s <= kill.back_s && kill.at_s <= other.back_s)

@@ -106,6 +106,9 @@ void check_robots(const World& world, const FlightOptions& options) {
                       std::to_string(kMaxRosterRobots) + ", more with --cells");
   }
   for (const Kill& kill : options.kills) {
+    if (kill.daemon == Kill::kKeeper && options.cells_m == 0.0)
+      throw OptionError("kill: there is no keeper without --cells");
+    if (kill.daemon == Kill::kKeeper) continue;
     (void)index_of_robot(world, kill.robot_id, "kill");
     if (kill.daemon >= daemons_in(world).size())
       throw OptionError("kill: robots have no perception_daemon without --sensor lidar or depth");

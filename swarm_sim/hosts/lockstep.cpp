@@ -165,14 +165,18 @@ RunReport run_lockstep(const World& world, const OccupiedCubes* static_map, cons
     host->add({.robot_id = world.robots[r].id, .onboard = onboard(world.robots[r]), .is_alone = true},
               [&simulation, r] { return std::make_unique<EnvironmentNode>(simulation, r); });
   }
+  std::size_t keeper = 0;  // its seat
   if (options.cells_m > 0.0) {
-    host->add({kKeeper, "", "swarm"}, [&, config = keeper_config(world, options), boot = 0]() mutable {
+    keeper = host->add({kKeeper, "", "swarm"}, [&, config = keeper_config(world, options), boot = 0]() mutable {
+      config.listen_s = boot == 0 ? 0.0 : KeeperConfig().listen_s;  // it was there before the flight began
       return std::make_unique<KeeperNode>(config, books, ++boot);
     });
   }
   for (const Kill& kill : options.kills) {
-    const std::size_t robot = index_of_robot(world, kill.robot_id, "kill");
-    host->crash(num_daemons * robot + kill.daemon, kEpoch + to_duration(kill.at_s), kEpoch + to_duration(kill.back_s));
+    const std::size_t seat = kill.daemon == Kill::kKeeper
+                                 ? keeper
+                                 : num_daemons * index_of_robot(world, kill.robot_id, "kill") + kill.daemon;
+    host->crash(seat, kEpoch + to_duration(kill.at_s), kEpoch + to_duration(kill.back_s));
   }
   for (const ClockStep& step : options.clock_steps) {
     const std::size_t robot = index_of_robot(world, step.robot_id, "clock-step");

@@ -30,15 +30,12 @@ constexpr Duration kReadyTimeout = 20s;
 
 // A daemon's config file: what its --print-config would print.
 template <class Config>
-void write_config(Config config, Duration clock_offset, const std::string& onboard_url,
-                  const std::filesystem::path& file, const std::string& more = "") {
+void write_config(Config config, const std::string& more, const std::filesystem::path& file) {
   OptionSet options("", "");
   declare(options, config);
   std::ostringstream text;
   const char* arguments[] = {"", "--print-config"};
   (void)options.parse(2, arguments, text);
-  text << "clock-offset-ms = " << to_ms(clock_offset) << '\n';
-  text << "onboard-url = " << onboard_url << '\n';
   text << more;
   write_file(file, text.str());
 }
@@ -48,13 +45,24 @@ std::string own_swarm_url(int port) {
   return "udpm://239.255.76.69:" + std::to_string(port) + "?ttl=0";
 }
 
+// On which robots and keepers speak in the cells of this world.
+std::vector<std::string> cell_channels(const World& world, const FlightOptions& options) {
+  std::vector<std::string> channels;
+  if (options.cells_m == 0.0) return channels;
+  for (const Cell& cell : cells_kept(keeper_config(world, options)))
+    for (const char* kind : {channel::kCellAnnouncement, channel::kCellRoster})
+      channels.push_back(channel_of(kind, cell));
+  return channels;
+}
+
 // Two swarms on the same ports would fly each other's trajectories.
-void refuse_used_bus(const std::string& url) {
+void refuse_used_bus(const std::string& url, std::vector<std::string> channels) {
   LcmBus bus(url);
   bool used = false;
-  for (const char* channel : {channel::kAnnouncement, channel::kSetpoint, channel::kRobotState}) {
+  for (const char* channel : {channel::kAnnouncement, channel::kSetpoint, channel::kRobotState})
+    channels.emplace_back(channel);
+  for (const std::string& channel : channels)
     bus.subscribe(channel, [&used](std::string_view, std::span<const std::uint8_t>) { used = true; });
-  }
   const auto deadline = std::chrono::steady_clock::now() + 150ms;
   boost::asio::io_context io;
   while (std::chrono::steady_clock::now() < deadline && !used) {
@@ -109,15 +117,17 @@ std::vector<DaemonProgram> daemons_of(const World& world, const WorldRobot& robo
   const auto file = [&](const std::string& daemon, const char* ending) {
     return directories.out / ("robot" + std::to_string(robot.id) + "-" + daemon + ending);
   };
-  write_config(map_config(world, robot, options), clock, place.onboard_url, file("map", ".cfg"));
-  write_config(planner_config(world, robot, options), clock, place.onboard_url, file("planner", ".cfg"));
+  const std::string bus = "clock-offset-ms = " + text_of(to_ms(clock)) + "\nonboard-url = " + place.onboard_url + "\n";
+  write_config(map_config(world, robot, options), bus, file("map", ".cfg"));
+  write_config(planner_config(world, robot, options), bus, file("planner", ".cfg"));
   BroadcastConfig broadcast = broadcast_config(world, robot, options);
   broadcast.state_dir = directories.promises.string();
-  write_config(broadcast, clock, place.onboard_url, file("broadcast", ".cfg"),
-               "swarm-url = " + place.swarm_url + "\nkey-file = " + directories.key_file.string() + "\n");
+  write_config(broadcast,
+               bus + "swarm-url = " + place.swarm_url + "\nkey-file = " + directories.key_file.string() + "\n",
+               file("broadcast", ".cfg"));
   std::vector<DaemonProgram> daemons;
   if (world.sensor.is_ranging())
-    write_config(perception_config(world, robot, options), clock, place.onboard_url, file("perception", ".cfg"));
+    write_config(perception_config(world, robot, options), bus, file("perception", ".cfg"));
   for (const char* daemon : daemons_in(world)) {
     const std::string program = std::string(daemon) + "_daemon";
     daemons.push_back({"robot " + std::to_string(robot.id) + "'s " + program,
@@ -127,6 +137,21 @@ std::vector<DaemonProgram> daemons_of(const World& world, const WorldRobot& robo
                        place.netns});
   }
   return daemons;
+}
+
+// Of all cells, with its config file written and its books begun.
+DaemonProgram keeper_of(const World& world, const FlightOptions& options, const std::string& swarm_url,
+                        const DaemonDirectories& directories) {
+  KeeperConfig config = keeper_config(world, options);
+  config.state_dir = directories.promises / "keeper";
+  FileBookStore::begin(config.state_dir, config.cell_m);
+  const std::filesystem::path file = directories.out / "keeper.cfg";
+  write_config(config, "swarm-url = " + swarm_url + "\nkey-file = " + directories.key_file.string() + "\n", file);
+  return {"the keeper_daemon",
+          directories.programs / "keeper_daemon",
+          {"--config", file.string()},
+          directories.out / "keeper.log",
+          ""};
 }
 
 // With what the setpoints are to be given on their way; the rest as on a robot.
@@ -232,7 +257,8 @@ RunReport run_processes(const World& world, const OccupiedCubes* static_map, con
       processes.out.empty() ? temporary.path() : processes.out, temporary.path(), temporary.path() / "swarm.key"};
   // This flight's own: other swarms on the bus are not heard.
   const SwarmKeys keys = processes.start_daemons ? make_keys(directories.key_file) : SwarmKeys();
-  if (processes.netns.empty() && processes.start_daemons) refuse_used_bus(swarm_bus_url(processes.base_port));
+  const std::vector<std::string> cells = cell_channels(world, options);
+  if (processes.netns.empty() && processes.start_daemons) refuse_used_bus(swarm_bus_url(processes.base_port), cells);
   spdlog::set_level(spdlog::level::warn);
   check_robots(world, options);
   for (const WorldRobot& robot : world.robots) {
@@ -253,6 +279,8 @@ RunReport run_processes(const World& world, const OccupiedCubes* static_map, con
     throw OptionError("mavlink: attitude is for --vehicle quadrotor; '" + world.vehicle.kind + "' has none");
   if (options.link.rate_mbps > 0.0)
     throw OptionError("link-rate-mbps: only in lock-step; between processes no channel is modelled");
+  if (!cells.empty() && (relayed || !processes.netns.empty()))
+    throw OptionError("cells: between processes on one bus; no --link-... or --netns with it");
   if (relayed && !processes.netns.empty())
     throw OptionError("netns: between namespaces the network is what it is; no --link-... with it");
 
@@ -278,7 +306,7 @@ RunReport run_processes(const World& world, const OccupiedCubes* static_map, con
     const RobotPlace& place = places[i];
     const std::string name = "robot " + std::to_string(robot.id);
     const InNamespace there(place.netns);
-    host.add(name, watches.emplace_back(robot.id, place.share, recorder), place.onboard_url,
+    host.add(name, watches.emplace_back(robot.id, place.share, recorder, cells), place.onboard_url,
              place.share == SwarmShare::kNone ? "" : place.swarm_url, {}, keys);
     host.add("environment of " + name, environments.emplace_back(simulation, i, boot, processes.mavlink.empty()),
              place.onboard_url, "");
@@ -294,8 +322,17 @@ RunReport run_processes(const World& world, const OccupiedCubes* static_map, con
       daemons.push_back(std::move(daemon));
     }
   }
+  std::optional<DaemonProgram> keeper;
+  if (!cells.empty() && processes.start_daemons) {
+    keeper = keeper_of(world, options, swarm_bus_url(processes.base_port), directories);
+    keeper->start(children);
+  }
   std::vector<Supervised> crashing;
   for (const Kill& kill : options.kills) {
+    if (kill.daemon == Kill::kKeeper) {
+      crashing.emplace_back(kill, *keeper);
+      continue;
+    }
     const std::size_t robot = index_of_robot(world, kill.robot_id, "kill");
     crashing.emplace_back(kill, daemons[daemons_in(world).size() * robot + kill.daemon]);
   }

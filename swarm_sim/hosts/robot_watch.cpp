@@ -19,14 +19,15 @@ bool read(std::span<const std::uint8_t> bytes, int robot_id, Message* message) {
 
 }  // namespace
 
-RobotWatch::RobotWatch(int robot_id, SwarmShare share, BusRecorder& recorder)
-    : id_(robot_id), share_(share), recorder_(recorder) {}
+RobotWatch::RobotWatch(int robot_id, SwarmShare share, BusRecorder& recorder, const std::vector<std::string>& cells)
+    : id_(robot_id), share_(share), recorder_(recorder), cells_(cells) {}
 
 std::vector<Subscription> RobotWatch::subscriptions() const {
   std::vector<Subscription> all;
   for (const char* channel : channels_of(BusId::kOnboard)) all.push_back({BusId::kOnboard, channel});
   if (share_ == SwarmShare::kNone) return all;
   for (const char* channel : channels_of(BusId::kSwarm)) all.push_back({BusId::kSwarm, channel});
+  for (const std::string& channel : cells_) all.push_back({BusId::kSwarm, channel});
   return all;
 }
 

@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <string>
+#include <vector>
 
 #include "lcmtypes/bus/node.h"
 #include "swarm_sim/results/bus_recorder.h"
@@ -16,8 +17,8 @@ enum class SwarmShare { kNone, kOwn, kAll };
 
 class RobotWatch : public Node {
  public:
-  // `recorder` must outlive it.
-  RobotWatch(int robot_id, SwarmShare share, BusRecorder& recorder);
+  // `recorder` must outlive it. `cells`: channels on the swarm bus in a flight in cells.
+  RobotWatch(int robot_id, SwarmShare share, BusRecorder& recorder, const std::vector<std::string>& cells = {});
 
   std::vector<Subscription> subscriptions() const override;
   void on_message(Utime now, BusId bus, std::string_view channel, std::span<const std::uint8_t> bytes,
@@ -42,6 +43,7 @@ class RobotWatch : public Node {
   int id_;
   SwarmShare share_;
   BusRecorder& recorder_;
+  std::vector<std::string> cells_;
   bool started_ = false;
   sogm_swarm::map_status_t map_{};  // newest; all zero: none yet
   sogm_swarm::planner_status_t planner_{};

@@ -14,7 +14,7 @@ constexpr int kSwarmBus = -1;  // among the robots' ids
 
 void remove_results(const std::filesystem::path& directory) {
   static const std::regex results(
-      "(trace|commanded)\\.csv|report\\.json|(swarm|robot[0-9]+)\\.lcm|robot[0-9]+-[a-z]+\\.(log|cfg)");
+      "(trace|commanded)\\.csv|report\\.json|(swarm|robot[0-9]+)\\.lcm|(robot[0-9]+-[a-z]+|keeper)\\.(log|cfg)");
   std::vector<std::filesystem::path> found;
   for (const auto& entry : std::filesystem::directory_iterator(directory)) {
     if (entry.is_regular_file() && std::regex_match(entry.path().filename().string(), results))

@@ -126,6 +126,8 @@ TEST(RunCommand, BadOptionsAreRefusedByNameValueAndRule) {
   expect({"--strangers", "1,1"}, {"--strangers", "robot 1", "once"});
   expect({"--strangers", "9"}, {"strangers", "no robot 9"});
   expect({"--strangers", "1", "--cells", "8"}, {"strangers", "--cells"});
+  expect({"--kill", "keeper@1"}, {"kill", "no keeper without --cells"});
+  expect({"--cells", "8", "--mode", "processes", "--link-loss", "0.1"}, {"cells", "--link-..."});
   expect({"--kill", "map:9@1", "--mode", "processes"}, {"kill", "no robot 9"});
   expect({"--keep-maps", directory / "maps"}, {"keep-maps", "--sensor lidar or depth"});
   expect({"--base-port", "80"}, {"--base-port 80", "[1024, 60000]"});

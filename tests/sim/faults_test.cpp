@@ -14,8 +14,8 @@ namespace {
 
 TEST(Faults, KillsAreRead) {
   EXPECT_TRUE(parse_kills("").empty());
-  const std::vector<Kill> kills = parse_kills("planner:2@4.5,broadcast:0@1-3,map:11@0");
-  ASSERT_EQ(kills.size(), 3u);
+  const std::vector<Kill> kills = parse_kills("planner:2@4.5,broadcast:0@1-3,map:11@0,keeper@5-7");
+  ASSERT_EQ(kills.size(), 4u);
   EXPECT_STREQ(kDaemons[kills[0].daemon], "planner");
   EXPECT_EQ(kills[0].robot_id, 2);
   EXPECT_EQ(kills[0].at_s, 4.5);
@@ -24,13 +24,15 @@ TEST(Faults, KillsAreRead) {
   EXPECT_EQ(kills[1].back_s, 3.0);
   EXPECT_STREQ(kDaemons[kills[2].daemon], "map");
   EXPECT_EQ(kills[2].robot_id, 11);
+  EXPECT_EQ(kills[3].daemon, Kill::kKeeper);
+  EXPECT_EQ(kills[3].back_s, 7.0);
 }
 
 TEST(Faults, KillsThatMakeNoSenseAreRefused) {
   for (const char* text :
        {"planner", "planner:1", "planner@1", "planner:1@", "plan:1@2", "planner:x@2", "planner:1@2-1", "planner:1@2-2",
         "planner:1@-2", "planner:1@1-2-3", "planner:1@2,", "planner:1@2@3", "planner:1:2@3", "planner:1@nan",
-        "map:1@3-6,map:1@4-5", "map:1@3,map:1@3"}) {
+        "map:1@3-6,map:1@4-5", "map:1@3,map:1@3", "keeper", "keeper:1@3", "keeper@3-5,keeper@4"}) {
     SCOPED_TRACE(text);
     EXPECT_THROW((void)parse_kills(text), OptionError);
   }

@@ -417,7 +417,7 @@ TEST(Lockstep, RobotsFlyInCells) {
   options.cells_m = 8;
   options.link.loss = 0.1;
   options.link.delay_ms = 5;
-  options.kills = parse_kills("broadcast:3@2,broadcast:5@2.5-4,planner:0@3");
+  options.kills = parse_kills("broadcast:3@2,broadcast:5@2.5-4,planner:0@3,keeper@1.5-2");
   const Flight flight(world, options);
   EXPECT_EQ(flight.report.outcome, Outcome::kSuccess);
   EXPECT_EQ(flight.report.commit_conflicts, 0);

@@ -15,7 +15,23 @@ constexpr std::int64_t kWish = (std::int64_t{5} << 32) + 1;
 
 class Keepers : public Bench<KeeperNode> {
  public:
-  explicit Keepers(MemoryBookStore& books, std::int32_t boot = 1) : Bench(KeeperConfig(), books, boot) {}
+  explicit Keepers(MemoryBookStore& books, std::int32_t boot = 1, double listen_s = 0.0)
+      : Bench(make_config(listen_s), books, boot) {}
+  static KeeperConfig make_config(double listen_s) {
+    KeeperConfig config;
+    config.listen_s = listen_s;
+    return config;
+  }
+
+  // An empty roster of another one, `age` ago.
+  void hear_keeper(int id, std::int32_t boot, Duration age = 0us, std::int64_t roster_seq = 0) {
+    CellRoster roster{kHere, 7, 7, {}};
+    const auto packed = pack(make_header(id, boot, roster_seq, now - age), &roster);
+    ASSERT_TRUE(packed);
+    Bytes bytes;
+    encode(*packed, &bytes);
+    deliver(BusId::kSwarm, channel_of(channel::kCellRoster, kHere), bytes);
+  }
 
   void hear(int id, std::vector<Cell> cells, bool wishes = true, std::int64_t wish = kWish) {
     CellAnnouncement message{};
@@ -114,6 +130,67 @@ TEST(KeeperNode, IsChangedByNothingElse) {
   EXPECT_TRUE(books.load().empty());
 }
 
+// Of two that keep the same cell the later one leaves it to the other, and both say so.
+TEST(KeeperNode, GivesWayToOneThatBeganEarlier) {
+  struct Case {
+    int id;
+    std::int32_t boot;
+    bool gives_way;
+  };
+  for (const Case& other : {Case{9, 4, true}, Case{9, 6, false}, Case{9, 5, false}, Case{0, 5, true}}) {
+    SCOPED_TRACE(testing::Message() << other.id << ", " << other.boot);
+    MemoryBookStore books;
+    Keepers keepers(books, 5);
+    keepers.hear(3, {kHere});
+    keepers.run_for(0.1);
+    EXPECT_FALSE(keepers.rosters(kHere).empty());
+    keepers.hear_keeper(other.id, other.boot, 0us, 1000);
+    keepers.out.letters.clear();
+    const std::int64_t seq = books.load().front().seq;
+    keepers.hear(4, {kHere, kThere});
+    keepers.run_for(0.1);
+    EXPECT_EQ(keepers.out.letters.empty(), other.gives_way);
+    EXPECT_EQ(books.load().front().seq == seq && books.load().size() == 1, other.gives_way) << "nothing is recorded";
+    EXPECT_TRUE(keepers.node.activity(keepers.now).waits);
+    keepers.run_for(5.0);  // the other one is gone: what it recorded is not known
+    keepers.out.letters.clear();
+    keepers.hear(5, {kHere});
+    keepers.run_for(0.1);
+    EXPECT_EQ(keepers.out.letters.empty(), other.gives_way);
+    EXPECT_EQ(keepers.node.activity(keepers.now).waits, other.gives_way);
+  }
+}
+
+TEST(KeeperNode, IsNotTakenForAnotherOne) {
+  MemoryBookStore books;
+  Keepers keepers(books, 5);
+  keepers.run_for(0.1);
+  keepers.hear(3, {kHere});
+  keepers.run_for(0.1);
+  const std::vector<Mailbox::Letter> said = keepers.out.letters;
+  for (const Mailbox::Letter& letter : said) keepers.deliver(letter.bus, letter.channel, letter.bytes);
+  keepers.hear_keeper(0, 4, 300ms);  // what an earlier start has said
+  EXPECT_FALSE(keepers.node.activity(keepers.now).waits);
+  keepers.out.letters.clear();
+  keepers.run_for(0.1);
+  EXPECT_FALSE(keepers.out.letters.empty());
+}
+
+TEST(KeeperNode, ListensFirst) {
+  MemoryBookStore books;
+  Keepers keepers(books, 5, 0.5);
+  keepers.hear(3, {kHere});
+  keepers.run_for(0.4);
+  keepers.hear(3, {kHere});
+  keepers.run_for(0.05);
+  EXPECT_TRUE(keepers.out.letters.empty());
+  EXPECT_TRUE(books.load().empty());
+  keepers.run_for(0.1);
+  keepers.hear(3, {kHere});
+  keepers.run_for(0.01);
+  EXPECT_EQ(keepers.rosters(kHere).size(), 1u);
+}
+
 // Whoever would no longer fit its roster's frame waits.
 TEST(KeeperNode, TakesNoMoreMembersThanItsRosterHolds) {
   MemoryBookStore books;
@@ -132,7 +209,7 @@ TEST(KeeperNode, TakesNoMoreMembersThanItsRosterHolds) {
 TEST(KeeperNode, ListensInAllItsCellsAndRefusesBadGround) {
   MemoryBookStore books;
   KeeperConfig config;
-  EXPECT_EQ(KeeperNode(config, books, 1).subscriptions().size(), 16u);  // -16 to 16 m
+  EXPECT_EQ(KeeperNode(config, books, 1).subscriptions().size(), 32u);  // -16 to 16 m, robots and keepers
   config.space_max.x() = config.space_min.x();
   EXPECT_THROW(KeeperNode(config, books, 1), OptionError);
   config.space_max.x() = 1e6;
