@@ -212,6 +212,7 @@ Refusal PlannerNode::on_peer(Utime now, std::span<const std::uint8_t> bytes) {
     return found->second.gate.pass(m.header);
   };
   const Refusal refusal = receive(bytes, from_peer, window(now), in_order, &message);
+  if (refusal == Refusal::kSequence) peers_.at(message.header.robot_id).told = now;  // it is where it was
   if (refusal != Refusal::kNone) return refusal;
   PeerEntry& entry = peers_.at(message.header.robot_id);
   if (!rehearsal_) commit_delay_.heard(to_seconds(std::max(0us, now - to_utime(message.header.utime))));
@@ -220,7 +221,7 @@ Refusal PlannerNode::on_peer(Utime now, std::span<const std::uint8_t> bytes) {
   peer.pending = pending_of(message);
   peer.id = message.header.robot_id;
   peer.radius_m = message.radius;
-  entry.heard = now;
+  entry.heard = entry.told = now;
   peer.space = space_of(peer.motion, peer.pending);
   return Refusal::kNone;
 }
@@ -264,7 +265,7 @@ bool PlannerNode::on_clock_step(Utime, Duration step) {
   map_.start_utime += step;
   seen_.start_utime += step;
   for (Peer& peer : peer_list_) shift(peer.motion, peer.pending);
-  for (auto& [id, entry] : peers_) entry.heard += step;
+  for (auto& [id, entry] : peers_) entry.heard += step, entry.told += step;
   give_way_.shift(step);
   mission_.shift(step);
   return true;
@@ -349,7 +350,7 @@ Utime PlannerNode::start_utime(Utime now, bool is_slow) {
 void PlannerNode::forget_peers(Utime now) {
   if (!peers_come_and_go_) return;
   for (auto entry = peers_.begin(); entry != peers_.end();) {
-    if (now - entry->second.heard < kElsewhere) {
+    if (now - std::min(entry->second.told, now) < kElsewhere) {
       ++entry;
       continue;
     }

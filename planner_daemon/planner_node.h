@@ -121,8 +121,8 @@ class PlannerNode : public Node {
   SequenceGate own_gate_, goal_gate_, flight_gate_;
   struct PeerEntry {
     SequenceGate gate;
-    std::size_t place;  // in peer_list_
-    Utime heard{};
+    std::size_t place;      // in peer_list_
+    Utime heard{}, told{};  // something new of it; or the same again
   };
   std::map<int, PeerEntry> peers_;
   std::vector<Peer> peer_list_;  // as heard, handed to the planner

@@ -455,6 +455,17 @@ TEST(PlannerNode, ForgetsPeersThatFlewElsewhere) {
     f.send_peer(4, Trajectory::hover(2, f.now, {1, 2, 1}));
     EXPECT_EQ(peers.size(), 2u);
     for (const Peer& peer : peers) EXPECT_EQ(peer.motion.at(f.now).position.y(), peer.id == 4 ? 2 : -2);
+    // One that was expelled is shown again and again.
+    announcement_t tombstone = f.announcement(6, Trajectory::hover(1, f.now, {3, 3, 1}), {}, announcement_t::kNone);
+    for (int i = 0; i < 10; ++i) {
+      tombstone.header.utime = to_us(f.now);
+      f.send(channel::kPeerTrajectory, tombstone);
+      f.run_for(0.5);
+    }
+    f.send_hover();
+    f.send_map();
+    EXPECT_EQ(peers.size(), is_in_cells ? 1u : 3u);
+    EXPECT_EQ(peers.back().id, 6);
   }
 }
 
