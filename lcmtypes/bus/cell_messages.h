@@ -3,15 +3,11 @@
 // cell_roster_t, see packed_cell_messages.h.
 #pragma once
 
-#include <algorithm>
 #include <cstdint>
 #include <map>
 #include <optional>
-#include <string>
-#include <string_view>
 #include <utility>
 
-#include "lcmtypes/bus/channels.h"
 #include "sogm_swarm/ack_t.hpp"
 #include "sogm_swarm/announcement_t.hpp"
 
@@ -24,15 +20,6 @@ struct Cell {
   bool operator==(const Cell&) const = default;
   bool operator<(const Cell& other) const { return std::pair(x, y) < std::pair(other.x, other.y); }
 };
-
-// The cell's own channel of a kind: CELL_ROSTER_at_m3_12, m for minus. Who has nothing to do with the cell does not
-// listen to it.
-inline std::string channel_of(std::string_view kind, const Cell& cell) {
-  std::string name = std::string(kind).append(kCellPrefix).append(std::to_string(cell.x)).append("_");
-  name.append(std::to_string(cell.y));
-  std::ranges::replace(name, '-', 'm');
-  return name;
-}
 
 // What a robot says in each cell that it mentions.
 struct CellAnnouncement {

@@ -31,7 +31,7 @@ inline constexpr Channel kChannels[] = {SWARM_MESSAGES(SWARM_CHANNELS_OF)};
 
 #undef SWARM_CHANNELS_OF
 
-// A channel's name without its cell, if it has one; see channel_of() of cell_messages.h.
+// A channel's name without its cell, if it has one; see cell_channels.h.
 inline constexpr std::string_view kCellPrefix = "_at_";
 inline std::string_view kind_of(std::string_view channel) {
   return channel.substr(0, channel.find(kCellPrefix));

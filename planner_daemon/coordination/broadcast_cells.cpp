@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "lcmtypes/bus/cell_channels.h"
 #include "lcmtypes/bus/channels.h"
 #include "lcmtypes/bus/packed_announcement.h"
 #include "lcmtypes/bus/packed_cell_messages.h"
@@ -48,18 +49,16 @@ Refusal BroadcastNode::on_cell_roster(Utime now, std::span<const std::uint8_t> b
 
 void BroadcastNode::listen_in_cells(Outbox& outbox) {
   if (!cells_) return;
-  const auto listen = [&outbox](const Cell& cell, bool listens) {
-    for (const char* kind : {channel::kCellAnnouncement, channel::kCellRoster})
-      outbox.listen(BusId::kSwarm, channel_of(kind, cell), listens);
-  };
   const std::map<Cell, CellProtocol::Place>& places = cells_->places();
-  for (const auto& entry : places)
-    if (listens_in_.insert(entry.first).second) listen(entry.first, true);
-  std::erase_if(listens_in_, [&](const Cell& cell) {
-    const bool is_over = !places.contains(cell);
-    if (is_over) listen(cell, false);
-    return is_over;
-  });
+  if (std::ranges::equal(listens_in_, places, {}, {}, [](const auto& entry) { return entry.first; })) return;
+  listens_in_.clear();
+  for (const auto& entry : places) listens_in_.insert(entry.first);
+  std::set<std::string> channels = heard_on(listens_in_);
+  for (const std::string& channel : channels)
+    if (!listens_on_.contains(channel)) outbox.listen(BusId::kSwarm, channel, true);
+  for (const std::string& channel : listens_on_)
+    if (!channels.contains(channel)) outbox.listen(BusId::kSwarm, channel, false);
+  listens_on_ = std::move(channels);
 }
 
 void BroadcastNode::say(CellAnnouncement* message, Outbox& outbox) {
@@ -72,8 +71,9 @@ void BroadcastNode::say(CellAnnouncement* message, Outbox& outbox) {
                     message->acks.size(), message->cells.size());
   }
   if (!packed) return;
-  for (const auto& entry : message->cells)
-    outbox.publish(BusId::kSwarm, channel_of(channel::kCellAnnouncement, entry.first), *packed);
+  std::set<Cell> cells;
+  for (const auto& entry : message->cells) cells.insert(entry.first);
+  for (const std::string& channel : speaks_on(cells)) outbox.publish(BusId::kSwarm, channel, *packed);
 }
 
 }  // namespace swarm

@@ -137,7 +137,8 @@ class BroadcastNode : public Node {
   FlightAgreement& agreement_;  // the one or the other
   CommitProtocol& protocol_;
   std::set<Cell> listens_in_;
-  bool fits_frame_ = true;  // what it has to say in cells
+  std::set<std::string> listens_on_;  // channels
+  bool fits_frame_ = true;            // what it has to say in cells
   Identity identity_;
   TrackingMonitor tracking_;
   FlightState flight_;

@@ -3,8 +3,10 @@
 #include <spdlog/spdlog.h>
 
 #include <cmath>
+#include <set>
 #include <utility>
 
+#include "lcmtypes/bus/cell_channels.h"
 #include "lcmtypes/bus/channels.h"
 #include "lcmtypes/bus/option_set.h"
 #include "lcmtypes/bus/packed_cell_messages.h"
@@ -54,12 +56,12 @@ void verify(const KeeperConfig& config) {
   }
 }
 
-std::vector<Cell> cells_kept(const KeeperConfig& config) {
+std::set<Cell> cells_kept(const KeeperConfig& config) {
   const Eigen::Vector2i first = (config.space_min.head<2>() / config.cell_m).array().floor().cast<int>();
   const Eigen::Vector2i end = (config.space_max.head<2>() / config.cell_m).array().ceil().cast<int>();
-  std::vector<Cell> cells;
+  std::set<Cell> cells;
   for (std::int32_t x = first.x(); x < end.x(); ++x)
-    for (std::int32_t y = first.y(); y < end.y(); ++y) cells.push_back({x, y});
+    for (std::int32_t y = first.y(); y < end.y(); ++y) cells.insert({x, y});
   return cells;
 }
 
@@ -71,9 +73,9 @@ KeeperNode::KeeperNode(const KeeperConfig& config, BookStore& store, std::int32_
 
 std::vector<Subscription> KeeperNode::subscriptions() const {
   std::vector<Subscription> subscriptions;
-  for (const auto& entry : cells_)
-    for (const char* kind : {channel::kCellAnnouncement, channel::kCellRoster})
-      subscriptions.push_back({BusId::kSwarm, channel_of(kind, entry.first)});
+  std::set<Cell> cells;
+  for (const auto& entry : cells_) cells.insert(entry.first);
+  for (const std::string& channel : heard_on(cells)) subscriptions.push_back({BusId::kSwarm, channel});
   return subscriptions;
 }
 
@@ -82,7 +84,7 @@ void KeeperNode::on_message(Utime now, BusId, std::string_view channel, std::spa
   if (refusal != Refusal::kNone) refused_.count(refusal);
 }
 
-// Each announcement comes once in each cell that it mentions: the first copy is for all that are kept here.
+// An announcement may come in each cell that it mentions: the first copy is for all that are kept here.
 Refusal KeeperNode::on_robot(Utime now, std::span<const std::uint8_t> bytes) {
   sogm_swarm::cell_announcement_t packed;
   CellAnnouncement message;

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -35,7 +36,7 @@ void declare(OptionSet& options, KeeperConfig& config);
 void verify(const KeeperConfig& config);
 
 // All cells that a keeper keeps: two may share a border, but no cell.
-std::vector<Cell> cells_kept(const KeeperConfig& config);
+std::set<Cell> cells_kept(const KeeperConfig& config);
 
 // Another keeper of the same cells is a mistake (cell_protocol.h): the one that began later says and records nothing
 // from when it hears the other, until it is started again; both say so.

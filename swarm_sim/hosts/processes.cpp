@@ -6,9 +6,11 @@
 #include <chrono>
 #include <deque>
 #include <optional>
+#include <set>
 #include <sstream>
 
 #include "lcmtypes/bus/boot.h"
+#include "lcmtypes/bus/cell_channels.h"
 #include "lcmtypes/bus/channels.h"
 #include "lcmtypes/bus/lcm_bus.h"
 #include "lcmtypes/bus/node_clock.h"
@@ -46,21 +48,17 @@ std::string own_swarm_url(int port) {
 }
 
 // On which robots and keepers speak in the cells of this world.
-std::vector<std::string> cell_channels(const World& world, const FlightOptions& options) {
-  std::vector<std::string> channels;
-  if (options.cells_m == 0.0) return channels;
-  for (const Cell& cell : cells_kept(keeper_config(world, options)))
-    for (const char* kind : {channel::kCellAnnouncement, channel::kCellRoster})
-      channels.push_back(channel_of(kind, cell));
-  return channels;
+std::set<std::string> cell_channels(const World& world, const FlightOptions& options) {
+  if (options.cells_m == 0.0) return {};
+  return heard_on(cells_kept(keeper_config(world, options)));
 }
 
 // Two swarms on the same ports would fly each other's trajectories.
-void refuse_used_bus(const std::string& url, std::vector<std::string> channels) {
+void refuse_used_bus(const std::string& url, std::set<std::string> channels) {
   LcmBus bus(url);
   bool used = false;
   for (const char* channel : {channel::kAnnouncement, channel::kSetpoint, channel::kRobotState})
-    channels.emplace_back(channel);
+    channels.insert(channel);
   for (const std::string& channel : channels)
     bus.subscribe(channel, [&used](std::string_view, std::span<const std::uint8_t>) { used = true; });
   const auto deadline = std::chrono::steady_clock::now() + 150ms;
@@ -257,7 +255,7 @@ RunReport run_processes(const World& world, const OccupiedCubes* static_map, con
       processes.out.empty() ? temporary.path() : processes.out, temporary.path(), temporary.path() / "swarm.key"};
   // This flight's own: other swarms on the bus are not heard.
   const SwarmKeys keys = processes.start_daemons ? make_keys(directories.key_file) : SwarmKeys();
-  const std::vector<std::string> cells = cell_channels(world, options);
+  const std::set<std::string> cells = cell_channels(world, options);
   if (processes.netns.empty() && processes.start_daemons) refuse_used_bus(swarm_bus_url(processes.base_port), cells);
   spdlog::set_level(spdlog::level::warn);
   check_robots(world, options);

@@ -19,7 +19,7 @@ bool read(std::span<const std::uint8_t> bytes, int robot_id, Message* message) {
 
 }  // namespace
 
-RobotWatch::RobotWatch(int robot_id, SwarmShare share, BusRecorder& recorder, const std::vector<std::string>& cells)
+RobotWatch::RobotWatch(int robot_id, SwarmShare share, BusRecorder& recorder, const std::set<std::string>& cells)
     : id_(robot_id), share_(share), recorder_(recorder), cells_(cells) {}
 
 std::vector<Subscription> RobotWatch::subscriptions() const {

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -18,7 +19,7 @@ enum class SwarmShare { kNone, kOwn, kAll };
 class RobotWatch : public Node {
  public:
   // `recorder` must outlive it. `cells`: channels on the swarm bus in a flight in cells.
-  RobotWatch(int robot_id, SwarmShare share, BusRecorder& recorder, const std::vector<std::string>& cells = {});
+  RobotWatch(int robot_id, SwarmShare share, BusRecorder& recorder, const std::set<std::string>& cells = {});
 
   std::vector<Subscription> subscriptions() const override;
   void on_message(Utime now, BusId bus, std::string_view channel, std::span<const std::uint8_t> bytes,
@@ -43,7 +44,7 @@ class RobotWatch : public Node {
   int id_;
   SwarmShare share_;
   BusRecorder& recorder_;
-  std::vector<std::string> cells_;
+  std::set<std::string> cells_;
   bool started_ = false;
   sogm_swarm::map_status_t map_{};  // newest; all zero: none yet
   sogm_swarm::planner_status_t planner_{};

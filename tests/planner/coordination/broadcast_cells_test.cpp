@@ -5,6 +5,7 @@
 #include <deque>
 #include <memory>
 
+#include "lcmtypes/bus/cell_channels.h"
 #include "lcmtypes/bus/option_set.h"
 #include "lcmtypes/bus/packed_cell_messages.h"
 #include "planner_daemon/coordination/keeper_node.h"
@@ -56,6 +57,7 @@ class CellScene {
     candidate.trajectory.seq = 1;
     robot(i).send(channel::kCandidate, candidate);
   }
+  std::function<void(const Mailbox::Letter&)> listener;  // to what is said between them
   int commits(std::size_t i) { return robot(i).node.protocol().commits(); }
 
  private:
@@ -71,6 +73,7 @@ class CellScene {
     for (const auto& robot : robots_)
       if (robot) collect(robot->out);
     for (const Mailbox::Letter& letter : letters) {
+      if (listener) listener(letter);
       if (kind_of(letter.channel) == channel::kCellAnnouncement)
         keepers_.deliver(BusId::kSwarm, letter.channel, letter.bytes);
       for (const auto& robot : robots_)
@@ -90,8 +93,8 @@ TEST(BroadcastCells, KnowWhoSharesACellAndNobodyElse) {
   CellScene scene({{2, 2, 1}, {4, 4, 1}, {-4, -4, 1}});
   EXPECT_TRUE(scene.robot(0).node.protocol().peers().contains(1));
   EXPECT_FALSE(scene.robot(0).node.protocol().peers().contains(2));
-  EXPECT_EQ(scene.robot(0).out.heard, (std::set<std::string>{"CELL_ANNOUNCEMENT_at_0_0", "CELL_ROSTER_at_0_0"}));
-  EXPECT_EQ(scene.robot(2).out.heard, (std::set<std::string>{"CELL_ANNOUNCEMENT_at_m1_m1", "CELL_ROSTER_at_m1_m1"}));
+  EXPECT_EQ(scene.robot(0).out.heard, heard_on({{0, 0}}));
+  EXPECT_EQ(scene.robot(2).out.heard, heard_on({{-1, -1}}));
   EXPECT_EQ(scene.robot(0).node.refused().total(), 0);
 }
 
@@ -107,7 +110,18 @@ TEST(BroadcastCells, AskForACellFlyThereAndLeaveTheOther) {
   EXPECT_TRUE(scene.robot(1).node.protocol().peers().contains(0));
   scene.run_for(9.0);
   EXPECT_FALSE(scene.robot(1).node.protocol().peers().contains(0));
-  EXPECT_EQ(scene.robot(0).out.heard, (std::set<std::string>{"CELL_ANNOUNCEMENT_at_m1_0", "CELL_ROSTER_at_m1_0"}));
+  EXPECT_EQ(scene.robot(0).out.heard, heard_on({{-1, 0}}));
+}
+
+TEST(BroadcastCells, SayOnceWhatIsForSeveralCells) {
+  CellScene scene({{7.9, 2, 1}, {2, 2, 1}, {12, 2, 1}});
+  std::map<std::string, int> said;
+  scene.listener = [&said](const Mailbox::Letter& letter) { ++said[letter.channel]; };
+  scene.run_for(1.0);
+  EXPECT_NEAR(said["CELL_ANNOUNCEMENT_at_0_0_2x1"], 10, 2);
+  EXPECT_FALSE(said.contains("CELL_ANNOUNCEMENT_at_0_0_1x2"));
+  for (const std::size_t i : {1, 2}) EXPECT_TRUE(scene.robot(i).node.protocol().peers().at(0).hears_us) << i;
+  EXPECT_EQ(scene.robot(0).node.protocol().peers().size(), 2u);
 }
 
 TEST(BroadcastCells, KeepOffEachOther) {

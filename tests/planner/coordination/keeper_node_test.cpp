@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include "lcmtypes/bus/cell_channels.h"
 #include "lcmtypes/bus/option_set.h"
 #include "lcmtypes/bus/packed_cell_messages.h"
 #include "tests/support/harness.h"
@@ -209,7 +210,7 @@ TEST(KeeperNode, TakesNoMoreMembersThanItsRosterHolds) {
 TEST(KeeperNode, ListensInAllItsCellsAndRefusesBadGround) {
   MemoryBookStore books;
   KeeperConfig config;
-  EXPECT_EQ(KeeperNode(config, books, 1).subscriptions().size(), 32u);  // -16 to 16 m, robots and keepers
+  EXPECT_EQ(KeeperNode(config, books, 1).subscriptions().size(), 16u + 9u * 9u);  // -16 to 16 m: keepers and robots
   config.space_max.x() = config.space_min.x();
   EXPECT_THROW(KeeperNode(config, books, 1), OptionError);
   config.space_max.x() = 1e6;
