@@ -19,7 +19,7 @@ const std::filesystem::path kData = SWARM_TEST_DATA;
 void fly(const World& world, const OccupiedCubes* static_map = nullptr, const FlightOptions& options = {}) {
   const RunReport report = run_lockstep(world, static_map, options, LockstepDelays(), nullptr, nullptr, nullptr);
   EXPECT_EQ(report.outcome, Outcome::kSuccess) << summary_table(report);
-  for (const RobotReport& robot : report.robots) EXPECT_GE(robot.plan_rate_hz, 8.0);
+  for (const RobotReport& robot : report.robots) EXPECT_GE(robot.plan_rate_hz, 3.5);
 }
 
 TEST(FlightTest, CrossesAmongColumnsAndRings) {

@@ -134,7 +134,7 @@ TEST_F(Processes, FlyToTheEnd) {
   EXPECT_EQ(*exit_code, 0) << program.err() << program.out();
   EXPECT_EQ(report["outcome"], "success");
   EXPECT_NE(program.out().find("success"), std::string::npos) << program.out();
-  for (const auto& robot : report["robots"]) EXPECT_GE(robot["plan_rate_hz"], 8.0) << program.out();
+  for (const auto& robot : report["robots"]) EXPECT_GE(robot["plan_rate_hz"], 3.5) << program.out();
   for (const auto& robot : report["robots"]) EXPECT_GT(robot["clearance"]["robots"]["distance"], 0.0);
   for (const int robot : {0, 1})
     expect_sensor_phases(directory_ / "run" / ("robot" + std::to_string(robot) + ".lcm"), robot, 0.5);

@@ -41,6 +41,7 @@ TEST(Faults, KillsThatMakeNoSenseAreRefused) {
 RunReport fly(const std::string& kills, double delay_ms = 0.0) {
   FlightOptions options;
   options.kills = parse_kills(kills);
+  options.planner.calm_period_s = 0.0;  // a plan for each map, so that missing ones show
   options.link.delay_ms = delay_ms;
   options.link.loss = delay_ms > 0.0 ? 0.2 : 0.0;
   const World world = make_world(Task::kCross, Environment::kMixed, 20, 7);
@@ -216,8 +217,8 @@ TEST(Faults, WithAWrongClockNobodyTouches) {
     SCOPED_TRACE(steps);
     const RunReport report = fly_with_clocks(steps);
     EXPECT_TRUE(report.touches.empty()) << summary_table(report);
-    EXPECT_EQ(report.outcome, Outcome::kDeadlock);
     EXPECT_FALSE(report.robots[1].verdict.flight_time_s);
+    for (const int other : {0, 2, 3}) EXPECT_TRUE(report.robots[other].verdict.flight_time_s) << other;
     if (kSanitized) return;
   }
 }

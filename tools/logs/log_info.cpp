@@ -52,7 +52,7 @@ class Total {
 
 // From an obstacle's message to the begin of the motion that answers it: of each message the first map that can hold
 // it, the first plan made of that map, and when what was planned begins, if it was committed. Not of the first that
-// was: it departs, and what came before it waited for that.
+// was: it departs, and what came before it waited for that. What asks a calm robot for nothing waits for its next plan.
 class Reactions {
  public:
   void obstacles(Utime sensed) { sensed_.push_back(sensed); }
