@@ -164,7 +164,7 @@ bool Planner::is_slow(const PlanRequest& request) const {
 
 void Planner::prepare(const PlanRequest& request) {
   const std::chrono::nanoseconds began = stopwatch_ ? stopwatch_() : 0ns;
-  if (is_ageing(request)) {
+  if (static_heuristic_ages(request, 8)) {
     renew_static_heuristic(request);
   } else {
     guidance_.work();
@@ -173,7 +173,7 @@ void Planner::prepare(const PlanRequest& request) {
 }
 
 void Planner::prepare_meanwhile(const PlanRequest& request) {
-  if (!is_ageing(request)) return;
+  if (!static_heuristic_ages(request, 9)) return;  // it may wait longer: there are many maps between calm plans
   const std::chrono::nanoseconds began = stopwatch_ ? stopwatch_() : 0ns;
   compose(request);
   renew_static_heuristic(request);
@@ -193,9 +193,9 @@ Duration Planner::static_heuristic_age(const PlanRequest& request) const {
   return (reachable_.center - request.goal).norm() < kAtGoal_m ? kAtGoalAge : kStaticHeuristicAge;
 }
 
-bool Planner::is_ageing(const PlanRequest& request) const {
+bool Planner::static_heuristic_ages(const PlanRequest& request, int tenths) const {
   const Duration age = request.sogm->start_utime - static_key_.utime;
-  return age > 0us && age >= static_heuristic_age(request) * 9 / 10;
+  return age > 0us && 10 * age >= tenths * static_heuristic_age(request);
 }
 
 Occupancy Planner::compose_standing(const std::vector<Peer>& peers) {

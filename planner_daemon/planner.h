@@ -122,8 +122,8 @@ class Planner {
   double v_max_mps(const PlanRequest& request) const { return std::min(config_.limits.v_max_mps, request.v_max_mps); }
 
   void compose(const PlanRequest& request);
-  Duration static_heuristic_age(const PlanRequest& request) const;  // so long it serves
-  bool is_ageing(const PlanRequest& request) const;                 // the static heuristic, soon it serves no more
+  Duration static_heuristic_age(const PlanRequest& request) const;           // so long it serves
+  bool static_heuristic_ages(const PlanRequest& request, int tenths) const;  // it has served for so much of that
   // And what is known to stand where it is not seen.
   Occupancy compose_standing(const std::vector<Peer>& peers);
   void renew_static_heuristic(const PlanRequest& request);

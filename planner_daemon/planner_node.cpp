@@ -22,7 +22,8 @@ constexpr Duration kElsewhere = 3s;   // where peers come and go, one that was n
 constexpr Duration kSilent = 500ms;   // a peer that was not heard for so long may have to step aside unseen
 constexpr Duration kUrgent = 1s;      // before an obstacle comes, a plan must begin to get out of its way
 constexpr Duration kGetAway = 600ms;  // and can begin at the latest
-constexpr double kCalmWay_m = 0.5;    // flown between two plans, at most, while nothing asks for one
+constexpr Duration kMostMapPeriod = 100ms;  // that a calm plan is timed by
+constexpr double kCalmWay_m = 0.5;          // flown between two plans, at most, while nothing asks for one
 constexpr double kSamePlace_m = 1e-3, kRest_mps = 1e-2, kRest_mps2 = 0.1;
 
 // From then on at rest at one place, as near as anybody sees.
@@ -155,8 +156,10 @@ Refusal PlannerNode::on_sogm(Utime now, std::span<const std::uint8_t> bytes) {
   // Parts of one map have one number: in which order is for the assembler to say.
   const Refusal refusal = receive(bytes, FromRobot{config_.robot_id}, window(now), AnyOrder(), &part);
   if (refusal != Refusal::kNone) return refusal;
+  const Utime before = map_.start_utime;
   const Assembly assembly = assembler_.add(part, &map_);
   if (assembly.status == AssemblyStatus::kComplete) {
+    map_period_ = std::clamp<Duration>(map_.start_utime - before, 0us, kMostMapPeriod);
     if (map_is_new_ && !map_can_wait_ && is_led()) ++missed_;
     map_is_new_ = true;
     map_can_wait_ = false;
@@ -290,14 +293,15 @@ Utime PlannerNode::step(Utime now, Outbox& outbox) {
     const bool is_patient = own_->next.empty() && !pending_.empty() && pending_.start_utime() != urgent_start_;
     const Utime latest = std::min(pending_.start_utime(), now + kMaxAhead);
     if (now < due && is_patient && touch_utime(now, latest + kUrgent) != kNever) due = period_due;
+    // A calm plan is made as soon as the map comes that is the nearest to when it is due.
     const Utime calm_due = plan_.due(now, calm_period(now));
-    if (now >= due && now < calm_due && !map_can_wait_ && is_calm(now)) {
+    if (now >= due && now + map_period_ / 2 < calm_due && !map_can_wait_ && is_calm(now)) {
       map_can_wait_ = true;  // looked at once for each map
       request_.own = *own_;
       request_.start_utime = now;
       planner_.prepare_meanwhile(request_);
     }
-    if (map_can_wait_ && planned_to_ == destination()) due = std::max(due, calm_due);
+    if (map_can_wait_ && planned_to_ == destination()) due = std::max(due, calm_due + map_period_ / 2);
     if (now < due) {
       wake = std::min(wake, due);
     } else {

@@ -88,6 +88,7 @@ class PlannerNode : public Node {
   HeaderSource candidate_headers_, corridor_headers_, status_headers_;
 
   Sogm map_;                   // the newest complete one
+  Duration map_period_{};      // it came so long after the one before
   bool map_is_new_ = false;    // not planned with yet
   bool map_can_wait_ = false;  // nor need it be soon: the next one may come first
   SogmAssembler seen_parts_;

@@ -309,6 +309,23 @@ TEST(PlannerNode, PlansLessOftenWhileNothingAsksForIt) {
   EXPECT_GE(plans_of_four_maps(flown), 4) << "who sees by itself knows less";
 }
 
+// A plan that is due between two maps would be made of an old one, again and again.
+TEST(PlannerNode, CalmPlansAreMadeOfMapsThatHaveJustCome) {
+  PlannerNodeConfig config = Fixture::make_config();
+  config.calm_period_s = 0.23;
+  Fixture f(config);
+  f.start(kHome);
+  const int first = f.node.plans();
+  for (int i = 0; i < 40; ++i) {
+    const int plans = f.node.plans();
+    f.run_for(0.05);
+    EXPECT_EQ(f.node.plans(), plans) << i;
+    f.send_hover();
+    f.send_map();
+  }
+  EXPECT_EQ(f.node.plans() - first, 8);  // the fifth map is the nearest
+}
+
 TEST(PlannerNode, LeavesTheCommittedMotionAfterTheLead) {
   Fixture f;
   MotionState rest;

@@ -156,13 +156,13 @@ TEST(LogInfo, TellsWhatALogHolds) {
   expect("robot 0 on ANNOUNCEMENT: " + std::to_string(sent) + " announcements, 0 missing");
   expect("robot 1 on PEER_TRAJECTORY: " + std::to_string(heard) + " announcements, ");
   // Sensed 3 ms before it arrives, a map after 6, announced 6 and 1 later, 3 for what may delay that; then an answer,
-  // which may have to be said again. What asks for nothing waits for the next plan.
+  // which may have to be said again.
   double p50_ms = 0.0;
   const std::size_t told = finished.out.find("obstacle to motion ms: p50");
   ASSERT_NE(told, std::string::npos) << finished.out;
   ASSERT_EQ(std::sscanf(finished.out.c_str() + told, "obstacle to motion ms: p50 %lf", &p50_ms), 1);
-  EXPECT_GT(p50_ms, 19.0);
-  EXPECT_LT(p50_ms, 200.0);
+  EXPECT_GE(p50_ms, 19.0);
+  EXPECT_LT(p50_ms, 80.0);
   EXPECT_EQ(finished.out.find("damaged"), std::string::npos);
 }
 

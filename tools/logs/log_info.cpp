@@ -6,6 +6,7 @@
 #include <map>
 #include <stdexcept>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "lcmtypes/bus/channels.h"
@@ -51,8 +52,9 @@ class Total {
 };
 
 // From an obstacle's message to the begin of the motion that answers it: of each message the first map that can hold
-// it, the first plan made of that map, and when what was planned begins, if it was committed. Not of the first that
-// was: it departs, and what came before it waited for that. What asks a calm robot for nothing waits for its next plan.
+// it, the first plan made of that map or, where none could be made in time, the next one, and when what was planned
+// begins, if it was committed. Not of the first that was: it departs, and what came before it waited for that. Nor of
+// what asked for nothing: a calm planner looks at a map and lets it be.
 class Reactions {
  public:
   void obstacles(Utime sensed) { sensed_.push_back(sensed); }
@@ -60,11 +62,17 @@ class Reactions {
     maps_.push_back({built, std::move(sensed_)});
     sensed_.clear();
   }
-  void candidate(Utime planned, Utime start) {
-    start_ = start;
-    answered_ = take(planned);
+  void candidate(Utime start) { start_ = start, is_new_ = true; }
+  // Of the maps since the plan before, `missed` waited for this one. The candidate comes before.
+  void planned(Utime planned, std::int64_t missed) {
+    std::vector<Utime> sensed;
+    for (; !maps_.empty() && maps_.front().built < planned; maps_.pop_front()) {
+      const bool is_planned_with = maps_.size() == 1 || maps_[1].built >= planned;
+      if (!is_planned_with && missed-- <= 0) continue;
+      sensed.insert(sensed.end(), maps_.front().sensed.begin(), maps_.front().sensed.end());
+    }
+    if (std::exchange(is_new_, false)) answered_ = std::move(sensed);  // else what is flown was the better answer
   }
-  void planned(Utime planned) { take(planned); }  // also when what is flown already was the better answer
   void committed(Utime start) {
     if (start != start_) return;
     for (const Utime sensed : answered_) {
@@ -80,17 +88,11 @@ class Reactions {
     Utime built;
     std::vector<Utime> sensed;  // not in an earlier one
   };
-  std::vector<Utime> take(Utime planned) {
-    std::vector<Utime> sensed;
-    for (; !maps_.empty() && maps_.front().built < planned; maps_.pop_front())
-      sensed.insert(sensed.end(), maps_.front().sensed.begin(), maps_.front().sensed.end());
-    return sensed;
-  }
 
   std::vector<Utime> sensed_, answered_;  // not in a map yet; by the newest candidate
   std::deque<Map> maps_;                  // not planned with yet
   Utime start_{};
-  bool departed_ = false;
+  bool is_new_ = false, departed_ = false;  // the candidate; the robot
   std::vector<double> ms_;
 };
 
@@ -201,14 +203,15 @@ class Summary {
       robots_[m.header.robot_id].reactions.map(to_utime(m.header.utime));
   }
   void note(const LogEvent&, const candidate_t& m) {
-    robots_[m.header.robot_id].reactions.candidate(to_utime(m.header.utime), to_utime(m.trajectory.start_utime));
+    robots_[m.header.robot_id].reactions.candidate(to_utime(m.trajectory.start_utime));
   }
   void note(const LogEvent&, const planner_status_t& m) {
     Robot& robot = robots_[m.header.robot_id];
     if (m.plans != robot.plans && m.plans > 0) robot.plan_ms.push_back(m.total_ms);
-    if (m.plans != robot.plans) robot.reactions.planned(to_utime(m.header.utime));
-    robot.plans = m.plans;
+    const std::int64_t missed_before = robot.missed.sum();
     robot.missed.add(m.header.boot, m.missed);
+    if (m.plans != robot.plans) robot.reactions.planned(to_utime(m.header.utime), robot.missed.sum() - missed_before);
+    robot.plans = m.plans;
     add_refused(m, "planner", &robot);
   }
   void note(const LogEvent&, const broadcast_status_t& m) {
