@@ -1,3 +1,4 @@
+// Long because the paper's pipeline, and what becomes of its result, is to be read in one place.
 #include "planner_daemon/planner.h"
 
 #include <algorithm>
