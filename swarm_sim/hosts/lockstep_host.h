@@ -33,7 +33,8 @@ class LockstepHost {
   using Listener = std::function<void(Utime now, BusId bus, int robot_id, std::string_view channel,
                                       std::span<const std::uint8_t> bytes)>;
 
-  // Where a node sits. Seats of one robot follow each other, or with several threads its nodes may run at the same time.
+  // Where a node sits. Seats of one robot follow each other, or with several threads its nodes may run at the same
+  // time.
   struct Seat {
     int robot_id = 0;
     std::string onboard = "", swarm = "";  // names of its buses; empty: it has none

@@ -340,7 +340,7 @@ TEST(PlannerTest, LooksFarAheadBetweenPlans) {
   PlannerConfig config = flat_config();
   config.limits.space_min.z() = -0.7;  // no way leads over the walls
   config.limits.space_max.z() = 0.7;
-  const auto end_x = [&](bool prepares) {
+  const auto end_x = [&](void (Planner::*prepare)(const PlanRequest&)) {
     Planner planner(config);
     double x = NAN;
     for (const auto& [after, is_closed] : {std::pair{0ms, false}, {390ms, false}, {450ms, true}, {480ms, true}}) {
@@ -352,12 +352,13 @@ TEST(PlannerTest, LooksFarAheadBetweenPlans) {
       const PlanRequest request = make_request(sogm, hovering(from), goal);
       const Trajectory& trajectory = planner.plan(request).trajectory;
       x = trajectory.at(trajectory.end_utime()).position.x();
-      if (prepares) planner.prepare(request);
+      if (prepare != nullptr) (planner.*prepare)(request);
     }
     return x;
   };
-  EXPECT_GT(end_x(false), -0.05);
-  EXPECT_LT(end_x(true), -0.3);
+  EXPECT_GT(end_x(nullptr), -0.05);
+  EXPECT_LT(end_x(&Planner::prepare), -0.3);
+  EXPECT_LT(end_x(&Planner::prepare_meanwhile), -0.3);
 }
 
 TEST(PlannerTest, StopsBesideAnOccupiedGoal) {

@@ -145,7 +145,7 @@ TEST(Lockstep, FourRobotsAmongObstaclesArrive) {
     EXPECT_GT(robot.verdict.to_obstacles.distance_m, 0.0);
     EXPECT_GT(robot.verdict.to_robots.distance_m, 0.0);
     EXPECT_LT(robot.verdict.to_robots.distance_m, 4.0);  // they did meet
-    EXPECT_GE(robot.plan_rate_hz, 3.9);  // a plan each calm period at least
+    EXPECT_GE(robot.plan_rate_hz, 3.9);                  // a plan each calm period at least
     for (const std::int64_t refused : robot.refused) EXPECT_EQ(refused, 0);
   }
 }
