@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "lcmtypes/bus/wide.h"
 #include "map_daemon/octomap_file.h"
 
 namespace swarm {
@@ -18,6 +19,18 @@ constexpr int kStrip = 64;          // columns along x that are dilated at once:
 // The first multiple of kTile at or after `voxel`.
 int tile_after(int voxel) {
   return (voxel + 1'000 * kTile * kTile + kTile - 1) / kTile * kTile - 1'000 * kTile * kTile;
+}
+
+SWARM_WIDE void add_row(const std::uint64_t* __restrict row, std::size_t n, std::uint64_t* __restrict sum) {
+  for (std::size_t i = 0; i < n; ++i) sum[i] |= row[i];
+}
+
+// Columns of the first frame, those of one y united: words from the first y on.
+void unite_along_x(const Sogm& sogm, const Columns& columns, std::vector<std::uint64_t>* sum) {
+  const std::size_t n = static_cast<std::size_t>(columns.width() * sogm.geometry.words_per_column());
+  sum->assign(n, 0);
+  for (int x = columns.first.x(); x <= columns.last.x(); ++x)
+    add_row(sogm.column(0, x, columns.first.y()), n, sum->data());
 }
 
 }  // namespace
@@ -50,22 +63,25 @@ bool GlobalMap::see(const Sogm& sogm, const Sogm& standing, const Sogm* seen, co
       changes |= ((row[i] ^ begin[i]) | (row[i] ^ end[i])) & (look != nullptr ? look[i] : ~std::uint64_t{0});
     return changes == 0;
   };
-  const auto is_clear = [](const Sogm& what, const Columns& tile) {
-    std::uint64_t any = 0;
-    for (int x = tile.first.x(); x <= tile.last.x(); ++x) {
-      const std::uint64_t* row = what.column(0, x, tile.first.y());
-      for (int i = 0; i < tile.width() * what.geometry.words_per_column(); ++i) any |= row[i];
-    }
-    return any == 0;
+  const auto is_clear = [](const std::vector<std::uint64_t>& united, int y, int n, int words_each) {
+    const auto begin = united.begin() + y * words_each;
+    return std::all_of(begin, begin + n * words_each, [](std::uint64_t word) { return word == 0; });
   };
   for (int tile_x = first.x() - window.origin.x(); tile_x + kTile <= window.size.x(); tile_x += kTile) {
+    const Eigen::Vector2i offset = shift.head<2>();
+    const Columns strip{Eigen::Vector2i(tile_x, 0).cwiseMax(-offset),
+                        Eigen::Vector2i(tile_x + kTile, window.size.y()).cwiseMin(grid.size.head<2>() - offset) -
+                            Eigen::Vector2i::Ones()};
+    if (strip.empty()) continue;
+    unite_along_x(standing, strip, &standing_);
+    unite_along_x(occupied_, {strip.first + offset, strip.last + offset}, &known_);
     for (int tile_y = first.y() - window.origin.y(); tile_y + kTile <= window.size.y(); tile_y += kTile) {
-      const Columns tile{{std::max(tile_x, -shift.x()), std::max(tile_y, -shift.y())},
-                         {std::min(tile_x + kTile, grid.size.x() - shift.x()) - 1,
-                          std::min(tile_y + kTile, grid.size.y() - shift.y()) - 1}};
+      const Columns tile{{strip.first.x(), std::max(tile_y, strip.first.y())},
+                         {strip.last.x(), std::min(tile_y + kTile - 1, strip.last.y())}};
       if (tile.empty()) continue;
       // Nothing stands there and nothing did: as most often.
-      if (is_clear(standing, tile) && is_clear(occupied_, {tile.first + shift.head<2>(), tile.last + shift.head<2>()}))
+      const int begin = tile.first.y() - strip.first.y();
+      if (is_clear(standing_, begin, tile.width(), words) && is_clear(known_, begin, tile.width(), grid_words))
         continue;
       bool still = true;
       for (int x = tile_x; x < tile_x + kTile && still; ++x) still = is_still(x, tile_y);

@@ -80,7 +80,7 @@ class GlobalMap {
   Sogm occupied_, blocked_;        // one frame each, the same geometry
   bool empty_ = true;
   Dilator dilator_;
-  std::vector<std::uint64_t> column_, inside_;
+  std::vector<std::uint64_t> column_, inside_, standing_, known_;  // scratch
 };
 
 }  // namespace swarm

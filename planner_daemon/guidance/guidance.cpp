@@ -99,17 +99,37 @@ void Guidance::begin() {
     }
   }
   field.beside_goal = front.seed_goal(goal_voxel_ - grid.origin, kBeside_m / grid.resolution_m);
-  if (!grid.contains(goal_voxel_ - grid.origin))
-    front.seed_edge([&](const Eigen::Vector3i& voxel) { return straight_cost(voxel + grid.origin); });
+  if (!grid.contains(goal_voxel_ - grid.origin)) {
+    column_.resize(static_cast<std::size_t>(grid.size.z()));
+    const auto cost_of = [&](int x, int y, int z) { return straight_cost(grid.origin + Eigen::Vector3i(x, y, z)); };
+    const auto costs_of = [&](int x, int y) {
+      for (int z = 0; z < grid.size.z(); ++z) column_[static_cast<std::size_t>(z)] = cost_of(x, y, z);
+      return std::span<const int>(column_);
+    };
+    front.seed_edge(costs_of, cost_of);
+  }
   works_ = true;
   is_stale_ = false;
 }
 
 int Guidance::cost(const Eigen::Vector3i& voxel) const {
-  const Field& field = fields_[static_cast<std::size_t>(serves_)];
-  const Eigen::Vector3i at = voxel - field.grid.origin;
-  if (field.grid.contains(at)) return field.front.cost({at.x() / kCell, at.y() / kCell, at.z() / kCell});
-  return map_.in_flight_space(voxel) ? straight_cost(voxel) : Wavefront::kUnreached;
+  int cost = 0;
+  costs(voxel, Eigen::Vector3i::Zero(), {&cost, 1});
+  return cost;
+}
+
+void Guidance::costs(const Eigen::Vector3i& first, const Eigen::Vector3i& step, std::span<int> costs) const {
+  const auto& [front, grid, beside_goal] = fields_[static_cast<std::size_t>(serves_)];
+  Eigen::Vector3i at = first - grid.origin;
+  for (int& cost : costs) {
+    if (grid.contains(at)) {
+      cost = front.cost({at.x() / kCell, at.y() / kCell, at.z() / kCell});
+    } else {
+      const Eigen::Vector3i voxel = at + grid.origin;
+      cost = map_.in_flight_space(voxel) ? straight_cost(voxel) : int{Wavefront::kUnreached};
+    }
+    at += step;
+  }
 }
 
 }  // namespace swarm

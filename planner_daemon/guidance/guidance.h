@@ -2,6 +2,8 @@
 #pragma once
 
 #include <array>
+#include <span>
+#include <vector>
 
 #include "planner_daemon/guidance/global_map.h"
 #include "planner_daemon/guidance/wavefront.h"
@@ -38,6 +40,8 @@ class Guidance {
   bool is_unreachable(const Eigen::Vector3d& place) const;
   // From the voxel of the lattice [Wavefront::Cost]; kUnreached: there is no way. Beyond what is known, straight.
   int cost(const Eigen::Vector3i& voxel) const;
+  // The same of the voxels from `first` on, `step` apart.
+  void costs(const Eigen::Vector3i& first, const Eigen::Vector3i& step, std::span<int> costs) const;
   // As if nothing were in the way.
   int straight_cost(const Eigen::Vector3i& voxel) const { return Wavefront::straight_cost(voxel - goal_voxel_); }
 
@@ -57,7 +61,8 @@ class Guidance {
   double resolution_m_ = 0.0;                             // of the SOGM
   Eigen::Vector3i goal_voxel_ = Eigen::Vector3i::Zero();  // of the lattice
   std::array<Field, 2> fields_;
-  int serves_ = 0;  // of fields_: complete
+  std::vector<int> column_;  // scratch of begin()
+  int serves_ = 0;           // of fields_: complete
   bool empty_ = true, works_ = false, is_stale_ = false;
   bool has_worked_ = true;  // since the newest update()
   bool is_urgent_ = false;  // for another goal, and nothing serves

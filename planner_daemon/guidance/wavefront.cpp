@@ -41,6 +41,21 @@ void Wavefront::seed(int x, int y, int w, std::uint64_t bits, int cost) {
   if ((bits & open_[word]) != 0) seeds_.push_back({cost, {word, bits}});
 }
 
+void Wavefront::seed_column(int x, int y, std::span<const int> costs) {
+  const std::uint64_t* const column = open(x, y);
+  for (int w = 0; w < words_; ++w) {
+    for (std::uint64_t left = column[w]; left != 0;) {  // those with one cost at once
+      const auto cost_of = [&](std::uint64_t bits) {
+        return costs[static_cast<std::size_t>(64 * w + std::countr_zero(bits))];
+      };
+      const int cost = cost_of(left);
+      std::uint64_t alike = 0;
+      for (; left != 0 && cost_of(left) == cost; left &= left - 1) alike |= left & -left;
+      if (cost < kUnreached) seed(x, y, w, alike, cost);
+    }
+  }
+}
+
 double Wavefront::seed_goal(const Eigen::Vector3i& goal, double beside) {
   const auto is_open = [&](const Eigen::Vector3i& voxel) {
     const bool is_inside = (voxel.array() >= 0).all() && (voxel.array() < size_.array()).all();

@@ -10,6 +10,7 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <span>
 #include <vector>
 
 namespace swarm {
@@ -66,9 +67,12 @@ class Wavefront {
   // It starts at the goal; where that is closed, at the open voxels nearest to it, at most `beside` voxels away.
   // Returns how far these are [voxels]; infinity: there are none.
   double seed_goal(const Eigen::Vector3i& goal, double beside);
-  // It starts at the outermost voxels: cost_of(voxel), kUnreached or more where it does not.
-  template <class CostOf>
-  void seed_edge(const CostOf& cost_of);
+  // It starts at voxels of this column, by z: kUnreached or more where it does not.
+  void seed_column(int x, int y, std::span<const int> costs);
+  // It starts at the outermost voxels: costs_beside(x, y) of the columns at the sides, and cost_above(x, y, z) at both
+  // ends of the others.
+  template <class CostsBeside, class CostAbove>
+  void seed_edge(const CostsBeside& costs_beside, const CostAbove& cost_above);
   // Spreads until about `max_words` words were reached; true: it is complete.
   bool advance(std::int64_t max_words);
 
@@ -117,27 +121,18 @@ class Wavefront {
   std::vector<std::uint16_t> cell_at_;       // of a voxel's place along z
 };
 
-template <class CostOf>
-void Wavefront::seed_edge(const CostOf& cost_of) {
+template <class CostsBeside, class CostAbove>
+void Wavefront::seed_edge(const CostsBeside& costs_beside, const CostAbove& cost_above) {
   for (int x = 0; x < size_.x(); ++x) {
     for (int y = 0; y < size_.y(); ++y) {
-      const bool side = x == 0 || y == 0 || x == size_.x() - 1 || y == size_.y() - 1;
-      const std::uint64_t* column = open(x, y);
-      Voxels alike{0, 0};  // voxels of one word with one cost
-      int alike_cost = kUnreached;
-      for (int z = 0; z < size_.z(); z += side ? 1 : std::max(1, size_.z() - 1)) {
-        const std::uint64_t bit = std::uint64_t{1} << z % 64;
-        if ((column[z / 64] & bit) == 0) continue;
-        const int cost = cost_of(Eigen::Vector3i(x, y, z));
-        const auto word = static_cast<std::uint32_t>(z / 64);
-        if (cost != alike_cost || word != alike.word) {
-          if (alike_cost < kUnreached) seed(x, y, static_cast<int>(alike.word), alike.bits, alike_cost);
-          alike = {word, 0};
-          alike_cost = cost;
-        }
-        alike.bits |= bit;
+      if (x == 0 || y == 0 || x == size_.x() - 1 || y == size_.y() - 1) {
+        seed_column(x, y, costs_beside(x, y));
+        continue;
       }
-      if (alike_cost < kUnreached) seed(x, y, static_cast<int>(alike.word), alike.bits, alike_cost);
+      for (const int z : {0, size_.z() - 1}) {
+        const int cost = cost_above(x, y, z);
+        if (cost < kUnreached) seed(x, y, z / 64, std::uint64_t{1} << z % 64, cost);
+      }
     }
   }
 }

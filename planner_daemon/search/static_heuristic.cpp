@@ -10,6 +10,7 @@ namespace swarm {
 namespace {
 
 constexpr double kDetour_m = 1.0;
+constexpr int kNoWay = 1 << 20;  // more than any cost
 
 // Bit k of the lower half: any of the bits 2 k and 2 k + 1.
 std::uint64_t pairs(std::uint64_t bits) {
@@ -23,6 +24,20 @@ std::uint64_t pairs(std::uint64_t bits) {
 
 SWARM_WIDE void least_of(const Wavefront::Cost* __restrict costs, std::size_t n, Wavefront::Cost* __restrict least) {
   for (std::size_t i = 0; i < n; ++i) least[i] = std::min(least[i], costs[i]);
+}
+
+// Costs of cells of a layer, rows along x `row` apart: where the way does not go on in it `stride` beside the cell,
+// and `late` more; kUnreached elsewhere.
+SWARM_WIDE void find_leaving(const int* __restrict costs, std::size_t row, std::size_t stride, int straight,
+                             int diagonal, int late, std::size_t n, int* __restrict leaving) {
+  for (std::size_t i = 0; i < n; ++i) {
+    const int* const at = costs + i;
+    const int beside = std::min(std::min(*(at - row), *(at + row)), std::min(*(at - stride), *(at + stride)));
+    const int across = std::min(std::min(*(at - row - stride), *(at - row + stride)),
+                                std::min(*(at + row - stride), *(at + row + stride)));
+    const bool leaves = std::min(beside + straight, across + diagonal) > *at;
+    leaving[i] = leaves ? std::min<int>(*at + late, Wavefront::kUnreached) : Wavefront::kUnreached;
+  }
 }
 
 SWARM_WIDE void to_ticks(const Wavefront::Cost* __restrict costs, std::size_t n, std::uint32_t per_cost,
@@ -160,45 +175,60 @@ void StaticHeuristic::seed_goal() {
   });
 }
 
-void StaticHeuristic::seed_edge(const Guidance* guidance) {
-  const GridGeometry& grid = grid_;
+// What ways cost from each of the cells from `at` on, every `step`, if they leave the window there.
+void StaticHeuristic::find_costs_beyond(const Guidance* guidance, const Eigen::Vector3i& at,
+                                        const Eigen::Vector3i& step, std::span<int> costs) {
+  const Eigen::Vector3i cell = at + first_cell_;
+  if (guidance == nullptr) {
+    Eigen::Vector3i way = cell - lattice_cell(goal_);
+    for (int& cost : costs) cost = Wavefront::straight_cost(way), way += step;
+    return;
+  }
+  guidance->costs(cell_voxels_ * cell, cell_voxels_ * step, costs);
+  if (cell_voxels_ == 1) return;
+  farther_.resize(costs.size());
+  guidance->costs(cell_voxels_ * cell + Eigen::Vector3i::Ones(), cell_voxels_ * step, farther_);
+  for (std::size_t i = 0; i < costs.size(); ++i) {
+    const int cost = std::min(costs[i], farther_[i]);
+    costs[i] = cost >= Wavefront::kUnreached ? cost : cost / cell_voxels_;
+  }
+}
+
+// Above and below, the front starts only where the way does not go on beside the cell, in the window: many fewer
+// seeds. A guided cost is that of the best voxel of kCell: late seeds do not split the front as early ones would.
+void StaticHeuristic::find_costs_of_layer(const Guidance* guidance, int z, std::vector<int>* leaving) {
   const bool is_guided = guidance != nullptr;
-  const auto cost_beyond = [&](const Eigen::Vector3i& at) {
-    const Eigen::Vector3i cell = at + first_cell_, voxel = cell_voxels_ * cell;
-    if (!is_guided) return Wavefront::straight_cost(cell - lattice_cell(goal_));
-    int cost = guidance->cost(voxel);
-    if (cell_voxels_ == 2) cost = std::min(cost, guidance->cost(voxel + Eigen::Vector3i::Ones()));
-    return cost >= Wavefront::kUnreached ? cost : cost / cell_voxels_;
-  };
-  // Above and below, the front starts only where the way does not go on beside the cell, in the window: many fewer
-  // seeds. A guided cost is that of the best voxel of kCell: late seeds do not split the front as early ones would.
   const int stride = is_guided ? Guidance::kCell / cell_voxels_ : 1,
             late = is_guided ? stride * Wavefront::kStraight : 0;
-  Eigen::Vector2i beside = {stride, 0};  // where it went on last
-  const auto goes_on_beside = [&](const Eigen::Vector3i& at, int cost, const Eigen::Vector2i& step) {
-    const Eigen::Vector3i next(at.x() + step.x(), at.y() + step.y(), at.z());
-    const bool is_inside = next.x() >= 0 && next.y() >= 0 && next.x() < size_.x() && next.y() < size_.y();
-    if (!is_inside || cost_beyond(next) > cost - Wavefront::straight_cost({step.x(), step.y(), 0})) return false;
-    return is_guided || (front_.open(next.x(), next.y())[next.z() / 64] >> next.z() % 64 & 1) != 0;
-  };
-  const bool leads_below = (inside_.front() & 1) != 0;
-  const bool leads_above = (inside_.back() >> (grid.size.z() - 1) % 64 & 1) != 0;
-  const auto cost_above = [&](const Eigen::Vector3i& at) {
-    if (!(at.z() == 0 ? leads_below : leads_above)) return int{Wavefront::kUnreached};
-    const int cost = cost_beyond(at);
-    if (cost >= Wavefront::kUnreached || goes_on_beside(at, cost, beside)) return int{Wavefront::kUnreached};
-    for (int k = 0; k < 9; ++k) {
-      const Eigen::Vector2i step(stride * (k / 3 - 1), stride * (k % 3 - 1));
-      if (k == 4 || !goes_on_beside(at, cost, step)) continue;
-      beside = step;
-      return int{Wavefront::kUnreached};
+  const std::size_t row = row_of_layer(), n = static_cast<std::size_t>(size_.y());
+  leaving->assign(at_in_layer(size_.x(), 0), Wavefront::kUnreached);
+  const int outermost = z == 0 ? 0 : grid_.size.z() - 1;  // voxel: within the flight space?
+  if ((inside_[static_cast<std::size_t>(outermost / 64)] >> outermost % 64 & 1) == 0) return;
+  layer_.assign(at_in_layer(size_.x() + kLayerRim, 0), kNoWay);
+  for (int x = 0; x < size_.x(); ++x) {
+    const std::span<int> costs(layer_.data() + at_in_layer(x, 0), n);
+    find_costs_beyond(guidance, {x, 0, z}, Eigen::Vector3i::UnitY(), costs);
+    for (int y = 0; y < size_.y() && !is_guided; ++y) {
+      if ((front_.open(x, y)[z / 64] >> z % 64 & 1) == 0) costs[static_cast<std::size_t>(y)] = kNoWay;
     }
-    return cost + late;
+  }
+  for (int x = 0; x < size_.x(); ++x) {
+    const std::size_t at = at_in_layer(x, 0);
+    find_leaving(layer_.data() + at, static_cast<std::size_t>(stride) * row, static_cast<std::size_t>(stride),
+                 stride * Wavefront::kStraight, stride * Wavefront::kDiagonal, late, n, leaving->data() + at);
+  }
+}
+
+void StaticHeuristic::seed_edge(const Guidance* guidance) {
+  find_costs_of_layer(guidance, 0, &leaving_below_);
+  find_costs_of_layer(guidance, size_.z() - 1, &leaving_above_);
+  leaving_beside_.resize(static_cast<std::size_t>(size_.z()));
+  const auto costs_beside = [&](int x, int y) {
+    find_costs_beyond(guidance, {x, y, 0}, Eigen::Vector3i::UnitZ(), leaving_beside_);
+    return std::span<const int>(leaving_beside_);
   };
-  front_.seed_edge([&](const Eigen::Vector3i& at) {
-    const bool is_side = at.x() == 0 || at.y() == 0 || at.x() == size_.x() - 1 || at.y() == size_.y() - 1;
-    return is_side ? cost_beyond(at) : cost_above(at);
-  });
+  front_.seed_edge(costs_beside,
+                   [&](int x, int y, int z) { return (z == 0 ? leaving_below_ : leaving_above_)[at_in_layer(x, y)]; });
 }
 
 std::optional<StaticHeuristic::Refuge> StaticHeuristic::refuge(const Eigen::AlignedBox3d& space,

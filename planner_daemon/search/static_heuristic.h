@@ -6,6 +6,7 @@
 #include <Eigen/Core>
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "planner_daemon/guidance/guidance.h"
@@ -107,6 +108,15 @@ class StaticHeuristic {
   void seed_goal();
   // From the outermost voxels on, where the way goes on: by the guidance, or straight (null).
   void seed_edge(const Guidance* guidance);
+  void find_costs_of_layer(const Guidance* guidance, int z, std::vector<int>* leaving);
+  void find_costs_beyond(const Guidance* guidance, const Eigen::Vector3i& at, const Eigen::Vector3i& step,
+                         std::span<int> costs);
+  // All cells of one height, by x and y, and kLayerRim more around them.
+  static constexpr int kLayerRim = Guidance::kCell;
+  std::size_t row_of_layer() const { return static_cast<std::size_t>(size_.y() + 2 * kLayerRim); }
+  std::size_t at_in_layer(int x, int y) const {
+    return static_cast<std::size_t>(x + kLayerRim) * row_of_layer() + static_cast<std::size_t>(y + kLayerRim);
+  }
   bool is_open(const Eigen::Vector3i& voxel) const {  // wherever the flight space ends
     const Eigen::Index words = grid_.words_per_column();
     const Eigen::Index at = (Eigen::Index{voxel.x()} * grid_.size.y() + voxel.y()) * words + voxel.z() / 64;
@@ -142,10 +152,11 @@ class StaticHeuristic {
   Eigen::Vector3i size_ = Eigen::Vector3i::Zero();        // cells
   Dilator dilator_;
   std::vector<Layer> layers_;
-  std::vector<std::uint64_t> blocked_;                         // columns
-  Columns inside_columns_;                                     // within the flight space
-  std::vector<std::uint64_t> inside_;                          // of each of them: the same
-  std::vector<std::uint64_t> inside_row_, open_row_, column_;  // scratch of open_cells()
+  std::vector<std::uint64_t> blocked_;                                                 // columns
+  Columns inside_columns_;                                                             // within the flight space
+  std::vector<std::uint64_t> inside_;                                                  // of each of them: the same
+  std::vector<std::uint64_t> inside_row_, open_row_, column_;                          // scratch of open_cells()
+  std::vector<int> layer_, leaving_below_, leaving_above_, leaving_beside_, farther_;  // scratch of seed_edge()
   std::vector<Eigen::Vector3i> ends_;  // voxels of the lattice where ways end, when the goal is closed
   Wavefront front_;
   mutable std::vector<Wavefront::Cost> rows_, sampled_, nearest_;  // scratch of ticks()

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <limits>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -159,7 +160,12 @@ TEST(WavefrontTest, ComesInFromTheEdge) {
       });
       const auto cost_of = [&](const Vector3i& v) { return costs[ways.index(v)]; };
       lay_out(ways, 1, &front);
-      front.seed_edge(cost_of);
+      std::vector<int> column(static_cast<std::size_t>(ways.size.z()));
+      const auto costs_of = [&](int x, int y) {
+        for (int z = 0; z < ways.size.z(); ++z) column[static_cast<std::size_t>(z)] = cost_of({x, y, z});
+        return std::span<const int>(column);
+      };
+      front.seed_edge(costs_of, [&](int x, int y, int z) { return cost_of({x, y, z}); });
       ways.seed_edge(cost_of);
       ASSERT_TRUE(front.advance(kAll));
       ways.search();
