@@ -39,7 +39,7 @@ Rejection CellProtocol::propose(Utime now, const Trajectory& candidate, const Ke
   const bool is_in_all = std::ranges::all_of(wanted_, [this](const Cell& cell) { return is_in(cell); });
   if (!urgent && !is_in_all) return Rejection::kWaiting;
   const Rejection rejection = protocol_.propose(now, candidate, urgent);
-  settle();
+  hold_back();
   return rejection;
 }
 
@@ -53,7 +53,7 @@ void CellProtocol::receive(Utime now, const CellAnnouncement& message, const Kee
   protocol_.receive(now, of_roster(message), [](const announcement_t&) { return true; });
   if (std::pair(peer.boot, peer.seq) == std::pair(boot_before, seq_before)) return;
   peers_cells_[header.robot_id] = message.cells;
-  settle();
+  hold_back();
 }
 
 // As it would be said to a roster of the present peers.
@@ -82,7 +82,7 @@ void CellProtocol::receive(const CellRoster& roster) {
   answers_ |= std::ranges::any_of(roster.entries, [&](const auto& entry) {
     return entry.second.state == Membership::kMember && entry.second.since > epoch_before;
   });
-  settle();
+  find_peers();
 }
 
 void CellProtocol::advance(Utime now, const Keep& keep) {
@@ -95,8 +95,13 @@ void CellProtocol::advance(Utime now, const Keep& keep) {
     return place == places_.end() || !place->second.wishes || is_expelled(place->second);
   });
   const std::map<Cell, Place> places_before = wishes_anew ? places_ : std::map<Cell, Place>();
-  for (auto& [cell, place] : places_) place.wishes = place.wishes && needed.contains(cell);
-  std::erase_if(places_, [this](const auto& entry) { return has_left(entry.second); });
+  bool changed = wishes_anew;
+  for (auto& [cell, place] : places_) {
+    if (!place.wishes || needed.contains(cell)) continue;
+    place.wishes = false;
+    changed = true;
+  }
+  changed |= std::erase_if(places_, [this](const auto& entry) { return has_left(entry.second); }) > 0;
   for (const Cell& cell : needed) {
     Place& place = places_[cell];
     if (place.wishes && !is_expelled(place)) continue;
@@ -105,7 +110,7 @@ void CellProtocol::advance(Utime now, const Keep& keep) {
   }
   news_ |= wishes_anew;
   if (wishes_anew && !keep(state())) places_ = places_before;
-  settle();
+  changed ? find_peers() : hold_back();
 }
 
 void CellProtocol::set_clock(Utime now, Duration step) {
@@ -117,7 +122,7 @@ void CellProtocol::set_clock(Utime now, Duration step) {
   }
   wanted_until_ += step;
   protocol_.set_clock(now, step);
-  settle();
+  find_peers();
 }
 
 CommitProtocol::News CellProtocol::take_news() {
@@ -198,8 +203,7 @@ bool CellProtocol::is_granted() const {
   });
 }
 
-// What follows from the rosters and from what peers say.
-void CellProtocol::settle() {
+void CellProtocol::find_peers() {
   std::set<int> peers, peers_before;
   for (const auto& [cell, place] : places_) {
     if (!is_listed(place)) continue;
@@ -210,6 +214,10 @@ void CellProtocol::settle() {
   if (peers != peers_before) protocol_.set_peers(peers);
   std::erase_if(peers_cells_, [&peers](const auto& entry) { return !peers.contains(entry.first); });
   protocol_.set_tombstones(tombstones());
+  hold_back();
+}
+
+void CellProtocol::hold_back() {
   protocol_.withhold(!protocol_.pending().empty() && !is_granted());
 }
 

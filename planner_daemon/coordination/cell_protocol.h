@@ -122,7 +122,8 @@ class CellProtocol : public FlightAgreement {
   std::set<Cell> cells_of(const Trajectory& trajectory) const;
   std::set<Cell> needed_cells(Utime now) const;
   bool is_granted() const;
-  void settle();
+  void find_peers();  // by the rosters and wishes, whenever these have changed
+  void hold_back();   // what is pending, until it is granted: whenever anything has changed
 
   Rules rules_;
   CommitProtocol protocol_;

@@ -430,5 +430,23 @@ TEST(Lockstep, RobotsFlyInCells) {
   EXPECT_EQ(read_text(flight.directory / "swarm.lcm"), read_text(again.directory / "swarm.lcm"));
 }
 
+// Nobody was told before who flies. A robot that comes while the others are under way flies to its goals with them;
+// one that leaves at once is no longer waited for two seconds later.
+TEST(Lockstep, RobotsJoinAndLeaveOneLargeCellInFlight) {
+  const World world = make_world(Task::kCircle, Environment::kEmpty, 0, 3, {.robots = 4, .circle_m = 5.0});
+  FlightOptions options;
+  options.cells_m = 1000;
+  options.time_limit_s = 15.0;
+  options.kills = parse_kills("broadcast:0@0.01-3,broadcast:1@1.5");
+  const Flight flight(world, options);
+  EXPECT_EQ(flight.report.commit_conflicts, 0);
+  EXPECT_EQ(flight.report.forced_commits, 0);
+  EXPECT_EQ(flight.report.touches.size(), 0u);
+  std::map<int, int> goals;
+  for (const RobotReport& robot : flight.report.robots) goals[robot.verdict.id] = robot.verdict.goals_reached;
+  EXPECT_EQ(goals.at(0), 1) << "who joined";
+  EXPECT_EQ(goals.at(2) + goals.at(3), 2) << "who stayed";
+}
+
 }  // namespace
 }  // namespace swarm::test
