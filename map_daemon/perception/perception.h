@@ -31,7 +31,8 @@ struct PerceptionConfig {
   bool explores = true;       // besides it there is a building: what is seen stands until it is seen to move
   double pose_m = 0.01;       // of the sensor's position
   double pose_rad = 0.005;    // and of its direction
-  TrackerConfig tracks;
+  // Whoever goes out of sight may turn there: its track goes on for a shorter time than map_daemon's, which is drawn.
+  TrackerConfig tracks{.timeout_s = 0.6};
 };
 
 // Whether the track's velocity is more than the errors of its positions make.

@@ -330,6 +330,17 @@ TEST(Perception, TheRobotsOwnPlaceIsFree) {
   EXPECT_FALSE(looking.was_not_seen(next + Eigen::Vector3d(0, 0, 0.2)));
 }
 
+// It may turn where nobody sees it. (map_daemon goes on to draw it for longer.)
+TEST(Perception, WhoGoesOutOfSightIsTrackedForAMomentOnly) {
+  Looking looking;
+  looking.follow({{2.5, -1}, 0.25}, {0, 0.6}, 12);
+  ASSERT_EQ(looking.perception.tracker().tracks().size(), 1u);
+  for (int tenths_unseen = 1; tenths_unseen <= 9; ++tenths_unseen) {
+    looking.look({});
+    EXPECT_EQ(looking.perception.tracker().tracks().empty(), tenths_unseen > 6) << tenths_unseen;
+  }
+}
+
 TEST(Perception, ForgetsAllWhenItIsLost) {
   Looking looking;
   for (int i = 0; i < 3; ++i) looking.look({{{2, 0}, 0.4}});
