@@ -110,7 +110,10 @@ void CellProtocol::advance(Utime now, const Keep& keep) {
   }
   news_ |= wishes_anew;
   if (wishes_anew && !keep(state())) places_ = places_before;
-  changed ? find_peers() : hold_back();
+  if (changed)
+    find_peers();
+  else
+    hold_back();
 }
 
 void CellProtocol::set_clock(Utime now, Duration step) {
