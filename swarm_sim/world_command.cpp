@@ -9,11 +9,13 @@
 #include <limits>
 #include <numbers>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "lcmtypes/bus/atomic_file.h"
 #include "lcmtypes/bus/option_set.h"
 #include "lcmtypes/bus/text.h"
+#include "swarm_sim/world/walkers.h"
 #include "swarm_sim/world/world_generator.h"
 #include "swarm_sim/world/world_json.h"
 
@@ -24,10 +26,11 @@ struct WorldOptions {
   std::string task = "cross", environment = "mixed", out, file;
   int obstacles = -1, seed = 0;
   bool describe = false;
+  double walk_up_s = 0.0;
   Fleet fleet;
 };
 
-World make_world(const WorldOptions& options) {
+World seeded_world(const WorldOptions& options) {
   const Environment environment = environment_from(options.environment);
   const int usual = environment == Environment::kEmpty ? 0 : 20;
   return make_world(task_from(options.task), environment, options.obstacles < 0 ? usual : options.obstacles,
@@ -99,17 +102,18 @@ int world_command(int argc, const char* const* argv) try {
   declare(set, options.fleet);
   set.add("out", &options.out, "file to write, also -o; -: standard output");
   set.add("describe", &options.describe, "says what the world is like, also how dense; --out is optional then");
-  set.add("world", &options.file, "describes this world file instead of a seeded world");
+  set.add("world", &options.file, "this world file instead of a seeded world, to describe it or to let people walk up");
+  set.add("walk-up", &options.walk_up_s, 0, 60, "s",
+          "whose track begins after the flight does is there so much earlier, and walks up to its first point");
   std::vector<const char*> arguments(argv, argv + argc);
   for (const char*& argument : arguments) {
     if (std::string_view(argument) == "-o") argument = "--out";
     if (std::string_view(argument) == "--describe") argument = "--describe=true";
   }
   if (set.parse(argc, arguments.data(), std::cout) == OptionSet::Parsed::kExit) return 0;
-  if (!options.file.empty() && (!options.describe || !options.out.empty()))
-    throw OptionError("world: '" + options.file + "' can be described only (--describe, without --out)");
   if (options.out.empty() && !options.describe) throw OptionError("out: a file to write must be given (-o FILE)");
-  const World world = options.file.empty() ? make_world(options) : read_world(options.file);
+  World world = options.file.empty() ? seeded_world(options) : read_world(options.file);
+  if (options.walk_up_s > 0.0) world.obstacles = walking_up(std::move(world.obstacles), options.walk_up_s);
   if (options.describe) std::cout << description(world) << std::flush;
   if (options.out.empty()) return 0;
   if (options.out == "-") {

@@ -63,4 +63,16 @@ std::vector<WorldObstacle> walkers_in(const std::filesystem::path& file, const R
   return most;
 }
 
+std::vector<WorldObstacle> walking_up(std::vector<WorldObstacle> obstacles, double lead_s) {
+  for (WorldObstacle& obstacle : obstacles) {
+    auto& track = obstacle.track;
+    if (track.empty() || track[0].t_s <= 0.0) continue;
+    const TrackPoint first = track[0], second = track[1];
+    const Eigen::Vector2d velocity = (second.position - first.position) / (second.t_s - first.t_s);
+    track.insert(track.begin(), {first.t_s - lead_s, first.position - velocity * lead_s});
+    obstacle.center.head<2>() = track[0].position;
+  }
+  return obstacles;
+}
+
 }  // namespace swarm

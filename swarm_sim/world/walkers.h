@@ -15,4 +15,9 @@ namespace swarm {
 // Throws WorldError when nobody is left, and what read_world() throws.
 std::vector<WorldObstacle> walkers_in(const std::filesystem::path& file, const Rectangle& hall);
 
+// Where whoever follows a track would come into being after the beginning of the flight, as where a camera first saw
+// them: they are there `lead_s` earlier, and walk up to the first point of their track as they go on from it. Nothing
+// is in the way of that, walls neither.
+std::vector<WorldObstacle> walking_up(std::vector<WorldObstacle> obstacles, double lead_s);
+
 }  // namespace swarm

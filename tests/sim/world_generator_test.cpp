@@ -340,8 +340,21 @@ TEST_F(WorldCommand, DescribesSeededWorldsAndFiles) {
         std::string("1 columns, 1 rings, 1 boxes, 1 spheres, up to 7.00 m/s"), std::string("1, 6.25 %")}) {
     EXPECT_NE(out_.find(part), std::string::npos) << part << " in\n" << out_;
   }
-  EXPECT_EQ(run({"--world", file, "-o", "-"}), 2);
-  EXPECT_NE(err_.find("can be described only"), std::string::npos) << err_;
+}
+
+TEST_F(WorldCommand, LetsPeopleWalkUpToWhereTheirTracksBegin) {
+  World world = make_world(Task::kCross, Environment::kPure, 1, 7);
+  world.obstacles.push_back(walker(2.0, {{1, 2}, {2, 4}, {0, 4}}));
+  world.obstacles.push_back(walker(0.0, {{5, 0}, {5, 1}}));
+  world.obstacles.push_back(walker(-1.0, {{-5, 0}, {-5, 1}}));
+  const std::string file = (directory_ / "w.json").string();
+  write_text(file, to_json_text(world, directory_.path()));
+  EXPECT_EQ(run({"--world", file, "--walk-up", "0", "-o", "-"}), 0) << err_;
+  EXPECT_EQ(parse_world(out_, "-", ""), world);
+  EXPECT_EQ(run({"--world", file, "--walk-up", "0.5", "-o", "-"}), 0) << err_;
+  world.obstacles[1].track.insert(world.obstacles[1].track.begin(), {1.5, {0.5, 1.0}});
+  world.obstacles[1].center.head<2>() = Eigen::Vector2d(0.5, 1.0);
+  EXPECT_EQ(parse_world(out_, "-", ""), world);
 }
 
 TEST_F(WorldCommand, RefusesBadOptionsWithOneLineAndCode2) {
