@@ -60,7 +60,7 @@ Planner::Planner(const PlannerConfig& config, Stopwatch stopwatch)
     : config_(with_reserve(config)),
       stopwatch_(std::move(stopwatch)),
       space_(config.space, config.static_map),
-      guidance_(config.static_map, config.limits.space_min, config.limits.space_max),
+      guidance_(config.static_map, config.limits.space_min, config.limits.space_max, config.explores),
       search_(config_.limits, config.search),
       escape_search_(config_.limits, escape_options(config_.limits, config.search)),
       escape_piece_(escape_options(config_.limits, config.search).piece),

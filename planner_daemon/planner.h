@@ -28,6 +28,7 @@ struct PlannerConfig {
   SearchLimits limits;  // flight space: of the robot's centre
   SearchOptions search;
   std::string static_map;  // OctoMap file; empty: none
+  bool explores = true;    // what is seen to stand is a building, see GlobalMap
   CorridorOptions corridor;
 };
 

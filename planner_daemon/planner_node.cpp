@@ -65,6 +65,9 @@ void declare(OptionSet& options, PlannerNodeConfig& config) {
   options.add("space-max", &planner.limits.space_max, -1e5, 1e5, "m",
               "flight space of the robot's centre, upper corner");
   options.add("static-map", &planner.static_map, "OctoMap file (.bt or .ot) that leads to the goal; empty: none");
+  options.add("explores", &planner.explores,
+              "with sensors that do not see all and without static-map: ways keep off what is above and below what is "
+              "seen to stand, as long as nobody looked there");
   options.add("piece-us", &planner.search.piece, 10ms, 10s, "duration of a motion primitive and trajectory piece");
   options.add("pieces", &planner.search.num_pieces, 2, Trajectory::kMaxPieces, "",
               "horizon in pieces, braking to rest included");

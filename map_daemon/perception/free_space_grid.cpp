@@ -15,7 +15,8 @@ constexpr Duration kLasting = 2s;  // what is occupied throughout two such stret
 // Fixed point, 16 bits after the point.
 constexpr double kOne = 65536.0;
 constexpr int kShift = 16;
-constexpr std::uint32_t kRim = 13107;  // a fifth: a ray that comes no further into a voxel misses what stands there
+// A ray that comes no further into a voxel misses what stands there: a fifth; of sparse ones two from above and below.
+constexpr std::uint32_t kRim = 13107, kSparseRim = 26214;
 
 // Of the part of a ray that is within [0, size] along each axis: begins and ends at so much of its length; none if it
 // begins after its end.
@@ -131,7 +132,8 @@ FreeSpaceGrid::Walk FreeSpaceGrid::walk_along(const RangeScan::Ray& ray) const {
           .steps = steps};
 }
 
-void FreeSpaceGrid::see_free(std::span<const RangeScan::Ray> rays) {
+void FreeSpaceGrid::see_free(std::span<const RangeScan::Ray> rays, bool are_sparse) {
+  const std::uint32_t flat_rim = are_sparse ? kSparseRim : kRim;
   // Where several rays begin is found at once: each takes long, but none waits for another.
   constexpr std::size_t kAtOnce = 64;
   std::array<Walk, kAtOnce> walks;
@@ -143,7 +145,8 @@ void FreeSpaceGrid::see_free(std::span<const RangeScan::Ray> rays) {
       for (; steps > 0; --steps) {
         const std::uint32_t column = (x >> kShift & (kEdge - 1)) * kEdge + (y >> kShift & (kEdge - 1));
         const std::uint32_t height = z >> kShift & (kHeight - 1);
-        const std::uint32_t borders = ((x - kRim) ^ (x + kRim)) | ((y - kRim) ^ (y + kRim)) | ((z - kRim) ^ (z + kRim));
+        const std::uint32_t borders =
+            ((x - kRim) ^ (x + kRim)) | ((y - kRim) ^ (y + kRim)) | ((z - flat_rim) ^ (z + flat_rim));
         free[column] |= std::uint64_t{1} << height;
         passed[column] |= std::uint64_t{borders >> kShift == 0} << height;
         x += dx, y += dy, z += dz;

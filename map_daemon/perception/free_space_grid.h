@@ -27,10 +27,12 @@ class FreeSpaceGrid {
   void move_to(const Eigen::Vector3d& place);
 
   // One scan: whatever its rays pass and where they end, then finish(). Places outside the window are ignored.
-  void see_free(std::span<const RangeScan::Ray> rays);
-  void see_free(const Eigen::Vector3d& from, const Eigen::Vector3d& to) {
+  // `are_sparse`: there are few beams, one above the other, so that what is flat is passed from just above far more
+  // often than met; it is not taken to be gone for that.
+  void see_free(std::span<const RangeScan::Ray> rays, bool are_sparse = false);
+  void see_free(const Eigen::Vector3d& from, const Eigen::Vector3d& to, bool are_sparse = false) {
     const RangeScan::Ray ray{from, to};
-    see_free({&ray, 1});
+    see_free({&ray, 1}, are_sparse);
   }
   // What is so near, but no more than `half_height_m` above or below.
   void see_free_around(const Eigen::Vector3d& place, double radius_m, double half_height_m);

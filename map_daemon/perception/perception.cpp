@@ -92,7 +92,7 @@ void Perception::look(const RangeScan& scan, std::span<const PeerMask::Ball> rob
   grid_.move_to(scan.origin);
   grid_.see_free_around(scan.origin, has_begun_ ? config_.body_m : config_.begin_m, kRoom_m);
   grid_.keep_around(scan.origin, kNearby_m);
-  grid_.see_free(scan.free);
+  grid_.see_free(scan.free, config_.explores && !scan.is_image);
   if (!has_begun_) grid_.see_free_along(scan.origin, kFirstLook * config_.begin_m, kRoom_m);
   has_begun_ = true;
   surfaces_.clear();

@@ -33,16 +33,34 @@ void unite_along_x(const Sogm& sogm, const Columns& columns, std::vector<std::ui
     add_row(sogm.column(0, x, columns.first.y()), n, sum->data());
 }
 
+// Adds to `voxels`, those of a column, what hangs together with them above and below through `through`.
+void spread_along_z(const std::vector<std::uint64_t>& through, std::vector<std::uint64_t>* voxels) {
+  const auto spread = [&](std::size_t w, std::uint64_t beside, const auto& shifted) {
+    std::uint64_t open = through[w], run = ((*voxels)[w] & open) | ((shifted((*voxels)[w], 1) | beside) & open);
+    for (int step = 1; step < 64; step *= 2) {
+      run |= open & shifted(run, step);
+      open &= shifted(open, step);
+    }
+    (*voxels)[w] |= run;
+  };
+  const std::size_t n = voxels->size();
+  for (std::size_t w = 0; w < n; ++w)
+    spread(w, w == 0 ? 0 : (*voxels)[w - 1] >> 63, [](std::uint64_t word, int by) { return word << by; });
+  for (std::size_t w = n; w-- > 0;)
+    spread(w, w + 1 == n ? 0 : (*voxels)[w + 1] << 63, [](std::uint64_t word, int by) { return word >> by; });
+}
+
 }  // namespace
 
-GlobalMap::GlobalMap(const std::string& static_map, const Eigen::Vector3d& space_min, const Eigen::Vector3d& space_max)
-    : static_map_(static_map), space_min_(space_min), space_max_(space_max) {
+GlobalMap::GlobalMap(const std::string& static_map, const Eigen::Vector3d& space_min, const Eigen::Vector3d& space_max,
+                     bool explores)
+    : static_map_(static_map), space_min_(space_min), space_max_(space_max), explores_(explores) {
   if (!static_map_.empty()) tree_ = read_octomap(static_map_);
 }
 
 bool GlobalMap::see(const Sogm& sogm, const Sogm& standing, const Sogm* seen, const Eigen::Vector3d& goal,
                     double blocked_m) {
-  if (blocked_m != blocked_m_) occupied_ = Sogm();
+  if (blocked_m != blocked_m_) occupied_ = free_ = Sogm();
   blocked_m_ = blocked_m;
   const GridGeometry& window = sogm.geometry;
   bool changed = cover(window, goal);
@@ -51,6 +69,8 @@ bool GlobalMap::see(const Sogm& sogm, const Sogm& standing, const Sogm* seen, co
   const Eigen::Vector3i shift = window.origin - grid.origin;  // index in the window + shift = index here
   inside_.assign(static_cast<std::size_t>(grid_words), 0);    // of the window along z
   set_run(shift.z(), shift.z() + window.size.z() - 1, grid.size.z(), inside_.data());
+  for (auto* column : {&look_, &stands_, &gone_, &through_}) column->resize(static_cast<std::size_t>(grid_words));
+  if (explores_ && seen != nullptr && !file_ && free_.num_frames == 0) free_.reset(grid, 1, Utime(), 1us);
   const Eigen::Vector2i first(tile_after(window.origin.x()), tile_after(window.origin.y()));
   const Eigen::Vector2d middle = window.size.head<2>().cast<double>() / 2.0;
   // Whether nothing that is seen changes in these columns.
@@ -91,18 +111,15 @@ bool GlobalMap::see(const Sogm& sogm, const Sogm& standing, const Sogm* seen, co
       bool differs = false;
       for (int x = tile.first.x(); x <= tile.last.x(); ++x) {
         for (int y = tile.first.y(); y <= tile.last.y(); ++y) {
-          std::uint64_t* known = occupied_.column(0, x + shift.x(), y + shift.y());
           for (int w = 0; w < grid_words; ++w) {
             const auto here = [&](const Sogm& what) {
-              return word_of_column(what.column(0, x, y), words, w, -shift.z()) & inside_[static_cast<std::size_t>(w)];
+              return word_of_column(what.column(0, x, y), words, w, -shift.z());
             };
-            const std::uint64_t gone = !is_sure          ? std::uint64_t{0}
-                                       : seen != nullptr ? here(*seen)
-                                                         : inside_[static_cast<std::size_t>(w)];
-            const std::uint64_t now = (known[w] & ~gone) | here(standing);
-            differs = differs || now != known[w];
-            known[w] = now;
+            const auto at = static_cast<std::size_t>(w);
+            stands_[at] = here(standing) & inside_[at];
+            look_[at] = is_sure ? inside_[at] & ~stands_[at] & (seen != nullptr ? here(*seen) : ~std::uint64_t{0}) : 0;
           }
+          differs = learn_column(x + shift.x(), y + shift.y()) || differs;
         }
       }
       if (!differs) continue;
@@ -115,10 +132,34 @@ bool GlobalMap::see(const Sogm& sogm, const Sogm& standing, const Sogm* seen, co
   return changed;
 }
 
+bool GlobalMap::learn_column(int x, int y) {
+  std::uint64_t* known = occupied_.column(0, x, y);
+  const std::size_t n = stands_.size();
+  for (std::size_t w = 0; w < n; ++w) gone_[w] = known[w] & look_[w];
+  if (free_.num_frames > 0) {
+    std::uint64_t* free = free_.column(0, x, y);
+    for (std::size_t w = 0; w < n; ++w) {
+      free[w] = (free[w] | look_[w]) & ~stands_[w];
+      through_[w] = known[w] & ~free[w];
+    }
+    spread_along_z(through_, &gone_);
+    for (std::size_t w = 0; w < n; ++w) through_[w] = inside_[w] & ~free[w];
+    spread_along_z(through_, &stands_);
+  }
+  bool differs = false;
+  for (std::size_t w = 0; w < n; ++w) {
+    const std::uint64_t now = (known[w] & ~gone_[w]) | stands_[w];
+    differs = differs || now != known[w];
+    known[w] = now;
+  }
+  return differs;
+}
+
 bool GlobalMap::forget_seen() {
   if (occupied_.num_frames == 0) return false;
   const std::vector<std::uint64_t> before = occupied_.words();
   std::ranges::fill(occupied_.words_to_write(), 0);
+  free_ = Sogm();
   if (file_) file_->copy_into(&occupied_);
   if (occupied_.words() == before) return false;
   block_all();
@@ -128,7 +169,7 @@ bool GlobalMap::forget_seen() {
 // True: it was laid out anew.
 bool GlobalMap::cover(const GridGeometry& window, const Eigen::Vector3d& goal) {
   const double resolution_m = window.resolution_m;
-  if (occupied_.num_frames > 0 && occupied_.geometry.resolution_m != resolution_m) occupied_ = Sogm();
+  if (occupied_.num_frames > 0 && occupied_.geometry.resolution_m != resolution_m) occupied_ = free_ = Sogm();
   const auto lattice = [&](const Eigen::Vector3d& place) { return lattice_voxel(place, resolution_m); };
   const int around = static_cast<int>(std::ceil(blocked_m_ / resolution_m)) + 1;
   const int slack = static_cast<int>(std::ceil(kSlack_m / resolution_m));
@@ -157,6 +198,12 @@ void GlobalMap::lay_out(const Box& box, double resolution_m) {
   occupied_ = Sogm();
   occupied_.reset(box.geometry(resolution_m), 1, Utime(), 1us);
   add_first_frame(before, &occupied_);
+  if (free_.num_frames > 0) {
+    const Sogm free = std::move(free_);
+    free_ = Sogm();
+    free_.reset(occupied_.geometry, 1, Utime(), 1us);
+    add_first_frame(free, &free_);
+  }
   if (file_) file_->copy_into(&occupied_);
   dilator_.set(occupied_.geometry, blocked_m_);
   blocked_.reset(occupied_.geometry, 1, Utime(), 1us);

@@ -15,9 +15,10 @@ class Guidance {
   static constexpr int kCell = 2;           // voxels along each edge of what a cost is kept for
   static constexpr double kBeside_m = 0.8;  // so far from a goal that is blocked the way may end
 
-  // Throws what GlobalMap throws.
-  Guidance(const std::string& static_map, const Eigen::Vector3d& space_min, const Eigen::Vector3d& space_max)
-      : map_(static_map, space_min, space_max) {}
+  // As GlobalMap, and throws what it throws.
+  Guidance(const std::string& static_map, const Eigen::Vector3d& space_min, const Eigen::Vector3d& space_max,
+           bool explores = false)
+      : map_(static_map, space_min, space_max, explores) {}
 
   // What stands still in the newest SOGM, see GlobalMap::see(). `seen` may be null. For another goal the ways are
   // worked out at once, in a map beyond some 10,000 m2 also in the next work()s, straight ones serving until then; when

@@ -167,7 +167,7 @@ const Occupancy& ConfigurationSpace::certain() {
 const Sogm& ConfigurationSpace::look(int first_frame, int last_frame, const Columns& columns, DilatedLayer* layer) {
   for_each_new_box(first_frame, last_frame, columns, &layer->rounds, [&](int frame, const Columns& box) {
     sources_.clear();
-    const Occupancy& occupancy = layer == &blocked_ ? occupancy_ : certain();
+    const Occupancy& occupancy = layer == &collision_ ? certain() : occupancy_;
     occupancy.append_layers(frame, box.grown(layer->dilator.radius_voxels(), layer->sogm.geometry), &sources_);
     layer->dilator.dilate(sources_, box, layer->sogm.columns(frame, box), sources_.front().row);
   });

@@ -45,7 +45,7 @@ class ConfigurationSpace {
 
   // The space around what `sogm` holds and what the peers sweep within `reachable`; what blocks keeps off `margin_m`
   // beyond the clearance. `seen`: a SEEN_SPACE; what it did not see is not known to stand, and to come too close to it
-  // is never worse than kBlocked. Null: all is seen. Refers to `sogm` until the next call.
+  // is never worse than kEmergency. Null: all is seen. Refers to `sogm` until the next call.
   void compose(const Sogm& sogm, const std::vector<Peer>& peers, const ReachableSet& reachable, double margin_m = 0.0,
                const Sogm* seen = nullptr);
   // What stands still in every frame, peers that hover among it, in the whole window: one frame. Valid until the next

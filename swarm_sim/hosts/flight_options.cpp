@@ -53,6 +53,7 @@ PlannerNodeConfig planner_config(const World& world, const WorldRobot& robot, co
   config.robot_id = robot.id;
   config.planner.space.radius_m = robot.radius_m;
   config.planner.static_map = map_of_guidance(world, robot, options);
+  config.planner.explores = world.sensor.known_map == "none";
   SearchLimits& limits = config.planner.limits;
   static_cast<MotionLimits&>(limits) = limits_of(world, robot);
   // The ground and the ceiling are solid. The sides are not: starts and goals may lie on them, and a robot needs room

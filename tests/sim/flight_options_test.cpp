@@ -41,6 +41,8 @@ TEST(FlightOptions, WhoKnowsTheMapDoesNotExplore) {
     EXPECT_EQ(perception_config(world, robot, options).map, "");
     EXPECT_EQ(map_config(world, robot, options).static_map, map);
     EXPECT_EQ(planner_config(world, robot, options).planner.static_map, map);
+    EXPECT_EQ(map_config(world, robot, options).explores, !known);
+    EXPECT_EQ(planner_config(world, robot, options).planner.explores, !known);
   }
 }
 

@@ -444,6 +444,26 @@ TEST(FreeSpaceGrid, WallsDoNotGrowBySingleErrors) {
   EXPECT_FALSE(knows(grid, &FreeSpaceGrid::ever_free, beside));
 }
 
+// Many rays pass just over a table for each that meets it.
+TEST(FreeSpaceGrid, RaysOverWhatIsFlatDoNotEraseIt) {
+  // So high above the voxel's floor they pass: over what fills most of it, or through the middle.
+  for (const auto& [height, are_sparse] : {std::pair(0.75, true), std::pair(0.75, false), std::pair(0.5, true)}) {
+    const bool is_kept = height == 0.75 && are_sparse;
+    FreeSpaceGrid grid(kBinary_m, kGridMemory);
+    grid.move_to({0, 0, 0});
+    const Eigen::Vector3i table(5, 0, 0);
+    const Eigen::Vector3d from = middle_of({1, 0, 0}) + Eigen::Vector3d(0, 0, (height - 0.5) * kBinary_m);
+    const Eigen::Vector3d way(8 * kBinary_m, 0, 0);
+    for (int k = 0; k < 20; ++k) {
+      if (k % 5 == 0) grid.see_surface(middle_of(table));
+      grid.see_free(from, from + way, are_sparse);
+      grid.finish(kStart + k * 100ms, true);
+      EXPECT_EQ(knows(grid, &FreeSpaceGrid::occupied, table), is_kept && k >= 5) << k;
+      EXPECT_TRUE(knows(grid, &FreeSpaceGrid::seen, table));
+    }
+  }
+}
+
 TEST(FreeSpaceGrid, WhatMovesIsNotKeptAsOccupied) {
   WatchedVoxel voxel;
   voxel.see(voxel.kFree, 10);

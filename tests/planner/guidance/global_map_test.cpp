@@ -157,6 +157,58 @@ TEST(GlobalMapTest, LearnsOfWhatWasSeen) {
   EXPECT_TRUE(is_blocked(map, -1.5, 4.5)) << "nobody looked";
 }
 
+// As walls and furniture do, above and below where somebody looked: where nobody did, and as long as it stands.
+TEST(GlobalMapTest, WhatStandsGoesOnWhereNobodyLooked) {
+  const Vector3d low(-4, -4, -3.3), high(4, 4, 3.3);  // two words
+  GlobalMap map({}, low, high, /*explores=*/true);
+  const Vector3d size_m(6, 6, 7);
+  const auto see = [&](const std::vector<std::pair<double, double>>& stands, double from_z, double to_z) {
+    Sogm sogm = window_at(Vector3i::Zero(), size_m), seen = sogm;
+    for (const auto& [bottom, top] : stands) mark_box(&sogm, {1, 1, bottom}, {1.4, 1.4, top});
+    mark_box(&seen, {-9, -9, from_z}, {9, 9, to_z});
+    Sogm standing = standing_of(sogm);
+    for (std::size_t i = 0; i < standing.words().size(); ++i) standing.words_to_write()[i] &= seen.words()[i];
+    return map.see(sogm, standing, &seen, kHere, kBlocked_m);
+  };
+  const auto closed = [&](double z) { return is_blocked(map, 1.2, 1.2, z); };
+
+  EXPECT_TRUE(see({{-0.5, 0.0}}, -0.5, 1.0)) << "with free space above it";
+  EXPECT_TRUE(closed(-3.0) && closed(-0.2)) << "down to the floor";
+  EXPECT_FALSE(closed(0.6) || closed(3.0)) << "and no higher";
+  EXPECT_TRUE(see({{2.0, 2.3}}, 1.9, 2.3)) << "a lintel";
+  EXPECT_TRUE(closed(2.2) && closed(3.0));
+  EXPECT_FALSE(closed(0.6)) << "what was seen to be free stays so";
+  ASSERT_NE(map.known(), nullptr);
+  EXPECT_TRUE(map.known()->occupied(0, map.known()->geometry.voxel_of({1.2, 1.2, 3.0})));
+  EXPECT_FALSE(see({{2.0, 2.3}}, 1.9, 2.3)) << "nothing is new";
+
+  EXPECT_TRUE(see({}, -0.4, -0.2)) << "it is gone";
+  EXPECT_FALSE(closed(-3.0) || closed(-0.3)) << "with all of it";
+  EXPECT_TRUE(closed(3.0));
+  EXPECT_TRUE(map.forget_seen());
+  EXPECT_TRUE(see({{-0.5, 0.0}}, -0.5, 0.0));
+  EXPECT_TRUE(closed(3.0)) << "nor what was seen to be free is remembered";
+}
+
+TEST(GlobalMapTest, WhatStandsDoesNotGoOnInAKnownBuildingNorWhereNobodyExplores) {
+  const TemporaryDirectory directory;
+  octomap::OcTree tree(0.1);
+  tree.updateNode(octomap::point3d(-1.05F, -1.05F, 0.05F), true);
+  tree.writeBinary(directory / "map.bt");
+  for (const bool has_file : {true, false}) {
+    SCOPED_TRACE(has_file);
+    GlobalMap map(has_file ? std::string(directory / "map.bt") : "", kSpaceMin, kSpaceMax, /*explores=*/has_file);
+    Sogm sogm = window_at(), seen = sogm;
+    mark_box(&sogm, {1, 1, -0.6}, {1.4, 1.4, -0.4});
+    mark_box(&seen, {-9, -9, -0.6}, {9, 9, -0.4});
+    map.see(sogm, standing_of(sogm), &seen, kHere, kBlocked_m);
+    EXPECT_TRUE(is_blocked(map, 1.2, 1.2, -0.35));
+    EXPECT_FALSE(is_blocked(map, 1.2, 1.2, 0.35));
+    EXPECT_EQ(map.known() != nullptr, has_file);
+    EXPECT_EQ(is_blocked(map, -1.05, -1.05), has_file);
+  }
+}
+
 // What moves covers and uncovers what stands behind it: next to it nothing is learned.
 TEST(GlobalMapTest, LeavesOutWhereSomethingMoves) {
   GlobalMap map({}, kSpaceMin, kSpaceMax);

@@ -236,11 +236,12 @@ TEST_F(ConfigurationSpaceTest, WhatWasNotSeenIsNotKnownToStand) {
   mark_box(&sogm, {-1.3, 1, -9}, {-1, 1.3, 9});
   Sogm seen = empty_map({6, 6, 3}, 0.1, 2, kStart, 100ms);
   mark_box(&seen, {0, -9, -9}, {9, 9, 9}, 1, 1);  // its second frame: what was not seen
-  const Vector3d unseen(1.15, 1.15, 0), stands(-1.15, 1.15, 0);
+  const Vector3d unseen(1.15, 1.15, 0), stands(-1.15, 1.15, 0), near_unseen(1.45, 1.35, 0);
   for (const bool tells : {false, true, false}) {
     SCOPED_TRACE(tells);
     space.compose(sogm, {}, {{0, 0, 0}, kStart, 2.0, 2.0}, 0.0, tells ? &seen : nullptr);
-    EXPECT_EQ(space.severity_at(unseen, 3), tells ? Severity::kBlocked : Severity::kCollision);
+    EXPECT_EQ(space.severity_at(unseen, 3), tells ? Severity::kEmergency : Severity::kCollision);
+    EXPECT_EQ(space.severity_at(near_unseen, 3), Severity::kBlocked) << "the way out is less bad than the way in";
     EXPECT_EQ(space.severity_at(stands, 3), Severity::kCollision);
     EXPECT_TRUE(space.blocked_at(unseen, 0));
     const Sogm& standing = *space.compose_standing({}).sogm;
