@@ -70,7 +70,9 @@ bool GlobalMap::see(const Sogm& sogm, const Sogm& standing, const Sogm* seen, co
   inside_.assign(static_cast<std::size_t>(grid_words), 0);    // of the window along z
   set_run(shift.z(), shift.z() + window.size.z() - 1, grid.size.z(), inside_.data());
   for (auto* column : {&look_, &stands_, &gone_, &through_}) column->resize(static_cast<std::size_t>(grid_words));
-  if (explores_ && seen != nullptr && !file_ && free_.num_frames == 0) free_.reset(grid, 1, Utime(), 1us);
+  // Far outside the flight space there is no grid.
+  const bool goes_on = explores_ && seen != nullptr && !file_ && occupied_.num_frames > 0;
+  if (goes_on && free_.num_frames == 0) free_.reset(grid, 1, Utime(), 1us);
   const Eigen::Vector2i first(tile_after(window.origin.x()), tile_after(window.origin.y()));
   const Eigen::Vector2d middle = window.size.head<2>().cast<double>() / 2.0;
   // Whether nothing that is seen changes in these columns.

@@ -190,6 +190,14 @@ TEST(GlobalMapTest, WhatStandsGoesOnWhereNobodyLooked) {
   EXPECT_TRUE(closed(3.0)) << "nor what was seen to be free is remembered";
 }
 
+TEST(GlobalMapTest, WhoExploresFarOutsideTheFlightSpaceKnowsNothing) {
+  GlobalMap map({}, {50, 50, -1}, {60, 60, 1}, /*explores=*/true);
+  Sogm sogm = window_at(), seen = sogm;
+  mark_box(&seen, {-9, -9, -9}, {9, 9, 9});
+  EXPECT_FALSE(map.see(sogm, standing_of(sogm), &seen, kHere, kBlocked_m));
+  EXPECT_EQ(map.known(), nullptr);
+}
+
 TEST(GlobalMapTest, WhatStandsDoesNotGoOnInAKnownBuildingNorWhereNobodyExplores) {
   const TemporaryDirectory directory;
   octomap::OcTree tree(0.1);
