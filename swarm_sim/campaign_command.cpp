@@ -33,7 +33,7 @@ struct CampaignOptions {
 };
 
 void declare(OptionSet& set, CampaignOptions& options) {
-  set.add("tasks", &options.tasks, "comma-separated: cross, bilateral, unilateral, circle, random, hall");
+  set.add("tasks", &options.tasks, "comma-separated: cross, bilateral, unilateral, circle, random, hall, tour");
   set.add("envs", &options.environments, "comma-separated: empty, pure (columns), mixed (columns and rings)");
   set.add("obstacles", &options.obstacles, 0, 500, "numbers of obstacles");
   set.add("trials", &options.trials, 1, 1'000'000, "", "seeds per task, environment and number of obstacles");

@@ -95,7 +95,7 @@ std::string description(const World& world) {
 int world_command(int argc, const char* const* argv) try {
   WorldOptions options;
   OptionSet set("swarm_sim world", "Writes a world file: a task of the paper among seeded obstacles.");
-  set.add("task", &options.task, "cross, bilateral, unilateral, circle, random or hall");
+  set.add("task", &options.task, "cross, bilateral, unilateral, circle, random, hall or tour");
   set.add("env", &options.environment, "empty, pure (columns) or mixed (columns and rings)");
   set.add("obstacles", &options.obstacles, -1, 500, "", "number of obstacles; -1: 20, or none when env is empty");
   set.add("seed", &options.seed, 0, std::numeric_limits<int>::max(), "", "the same seed gives the same world");

@@ -11,7 +11,7 @@ namespace swarm {
 namespace {
 
 constexpr double kMaxVoxels = 1e7, kRounding = 1e-6;
-constexpr double kFar_m = 3276.0;  // an OcTree has 2^15 voxels to each side
+constexpr double kOctoMapReach_m = 3276.0;  // an OcTree has 2^15 voxels to each side
 
 }  // namespace
 
@@ -24,7 +24,7 @@ World with_walls_in_file(World world, const std::filesystem::path& directory) {
     const Eigen::Array3d end = (wall.max.array() / kWallVoxel_m - kRounding).ceil().max(first + 1.0);
     voxels += (end - first).prod();
     if (voxels > kMaxVoxels) throw WorldError("walls: must be of at most 10 million voxels of 0.1 m in all");
-    if (wall.min.minCoeff() < -kFar_m || wall.max.maxCoeff() > kFar_m)
+    if (wall.min.minCoeff() < -kOctoMapReach_m || wall.max.maxCoeff() > kOctoMapReach_m)
       throw WorldError("walls: must be within 3276 m of the origin");
     for (double x = first.x(); x < end.x(); ++x) {
       for (double y = first.y(); y < end.y(); ++y) {

@@ -7,6 +7,7 @@
 
 #include "lcmtypes/bus/portable_math.h"
 #include "lcmtypes/bus/text.h"
+#include "swarm_sim/world/building.h"
 #include "swarm_sim/world/random.h"
 #include "swarm_sim/world/walkers.h"
 
@@ -15,10 +16,11 @@ namespace {
 
 constexpr double kHeight_m = 1.0;          // of every start and goal
 constexpr double kStartClearance_m = 0.7;  // between an obstacle and a robot at t = 0
+constexpr double kLeg_m = 5.0;             // of a tour, at least
 constexpr int kMaxTries = 10000;           // per obstacle or robot
 constexpr int kUsualRobots = 10, kUsualRobotsInHall = 8;
 constexpr int kMaxObstacles = 500;
-constexpr std::array kTasks = {"cross", "bilateral", "unilateral", "circle", "random", "hall"};
+constexpr std::array kTasks = {"cross", "bilateral", "unilateral", "circle", "random", "hall", "tour"};
 constexpr std::array kEnvironments = {"empty", "pure", "mixed"};
 
 // Cut towards zero, so that ranges hold and libraries that differ in the last bit agree.
@@ -165,6 +167,36 @@ void add_hall(World* world, const Fleet& fleet, Draw* random) {
   }
 }
 
+// Starts apart as on the circle, so are last goals; each goal at least 5 m from the place before.
+void add_tour(World* world, const Fleet& fleet, Draw* random) {
+  const Building building = building_in(fleet.building, fleet.robot_m, {fleet.low_m, fleet.high_m});
+  world->space = building.space;
+  world->static_map = std::filesystem::absolute(fleet.building);
+  world->obstacle_bounds = {world->space.min.head<2>(), world->space.max.head<2>()};
+  std::vector<Eigen::Vector3d> starts, ends;
+  const auto place = [&](const std::vector<Eigen::Vector3d>& others, const Eigen::Vector3d* before) {
+    for (int tries = 0; tries < kMaxTries; ++tries) {
+      const auto count = static_cast<double>(building.places.size());
+      const Eigen::Vector3d& drawn = building.places[static_cast<std::size_t>(random->uniform(0.0, count))];
+      const bool apart = std::ranges::all_of(
+          others, [&](const Eigen::Vector3d& other) { return (drawn - other).norm() >= 5 * fleet.robot_m; });
+      if (apart && (before == nullptr || (drawn - *before).norm() >= kLeg_m)) return drawn;
+    }
+    throw WorldError("building: " + fleet.building + " must hold places apart for all robots, " + text_of(kLeg_m) +
+                     " m from goal to goal; there is no room");
+  };
+  for (int i = 0; i < std::max(fleet.robots, 1); ++i) {
+    starts.push_back(place(starts, nullptr));
+    Mission mission;
+    for (int goal = 0; goal < fleet.goals; ++goal) {
+      const Eigen::Vector3d before = mission.empty() ? starts.back() : mission.back().position;
+      mission.push_back({place(goal + 1 < fleet.goals ? std::vector<Eigen::Vector3d>() : ends, &before)});
+    }
+    ends.push_back(mission.back().position);
+    add_robot(world, fleet, starts.back(), std::move(mission));
+  }
+}
+
 // In the hall or in one of its rooms, in proportion to their areas.
 void put_into_hall(WorldObstacle* obstacle, Draw* random) {
   constexpr double kMiddle = kHallWidth_m / (kHallWidth_m + 2 * kRoomDepth_m);
@@ -207,6 +239,9 @@ void add_robots(World* world, Task task, const Fleet& fleet, Draw* random) {
       break;
     case Task::kHall:
       add_hall(world, fleet, random);
+      break;
+    case Task::kTour:
+      add_tour(world, fleet, random);
       break;
   }
 }
@@ -265,61 +300,28 @@ Environment environment_from(const std::string& text) {
   return static_cast<Environment>(index_of(kEnvironments, text, "env"));
 }
 
-void declare(OptionSet& options, Fleet& fleet) {
-  options.add("robots", &fleet.robots, 0, kMaxRobots, "",
-              "robots of the tasks circle, random and hall; 0: 10, in the hall 8");
-  options.add("radius", &fleet.circle_m, 0, 1000, "m", "of the circle; 0: 10 m");
-  options.add("robot-radius", &fleet.robot_m, 0.01, 10, "m", "of each robot");
-  options.add("speed", &fleet.limits.v_max_mps, 0.01, 100, "m/s", "limit of every robot, per axis");
-  options.add("acceleration", &fleet.limits.a_max_mps2, 0.01, 1000, "m/s^2", "limit of every robot, per axis");
-  options.add("jerk", &fleet.limits.j_max_mps3, 0, 1e5, "m/s^3", "limit of every robot, per axis; 0: none");
-  declare_thrust(options, fleet.limits);
-  options.add("space", &fleet.space_m, 1, 1000, "m", "edges of the space of the task random");
-  options.add("goals", &fleet.goals, 1, 100, "", "of each robot of the task random, one after the other");
-  options.add("hop", &fleet.hop_m, 0, 1000, "m",
-              "so far on each axis a robot's next goal of the task random is at most; 0: anywhere");
-  options.add("people", &fleet.people,
-              "hall: who walks along it, besides: the columns that follow tracks in this world file, or in one of "
-              "several FILE,..., "
-              "each seed another");
-  options.add("obstacle-acceleration", &fleet.obstacle_acceleration_mps2, 0, kMaxObstacleAcceleration_mps2, "m/s^2",
-              "of every obstacle, at any time: it goes round a circle in 4 s on top of its uniform motion");
-}
-
-std::string command_line(const Fleet& fleet) {
-  const auto values = [](const Fleet& f) {
-    return NamedValues{{"robots", std::to_string(f.robots)},
-                       {"radius", text_of(f.circle_m)},
-                       {"robot-radius", text_of(f.robot_m)},
-                       {"speed", text_of(f.limits.v_max_mps)},
-                       {"acceleration", text_of(f.limits.a_max_mps2)},
-                       {"jerk", text_of(f.limits.j_max_mps3)},
-                       {"limits", f.limits.kind},
-                       {"thrust-min", text_of(f.limits.thrust.least_mps2)},
-                       {"thrust-max", text_of(f.limits.thrust.most_mps2)},
-                       {"tilt-max", text_of(f.limits.thrust.tilt_deg)},
-                       {"space", text_of(f.space_m.x()) + "," + text_of(f.space_m.y()) + "," + text_of(f.space_m.z())},
-                       {"goals", std::to_string(f.goals)},
-                       {"hop", text_of(f.hop_m)},
-                       {"people", f.people},
-                       {"obstacle-acceleration", text_of(f.obstacle_acceleration_mps2)}};
-  };
-  return given_options(values(fleet), values({}));
-}
-
 World make_world(Task task, Environment environment, int obstacles, std::uint64_t seed, const Fleet& fleet) {
   const int most = environment == Environment::kEmpty ? 0 : kMaxObstacles;
   if (obstacles < 0 || obstacles > most)
     throw WorldError("obstacles: " + std::to_string(obstacles) + " must be in [0, " + std::to_string(most) +
                      "] with env " + to_string(environment));
-  const bool free_number = task == Task::kCircle || task == Task::kRandom || task == Task::kHall;
+  const bool is_tour = task == Task::kTour;
+  const bool free_number = task == Task::kCircle || task == Task::kRandom || task == Task::kHall || is_tour;
   if (!free_number && fleet.robots != 0)
-    throw WorldError("robots: only the tasks circle, random and hall let you choose the number of robots");
-  if (fleet.robots != 0 && (fleet.robots < 2 || fleet.robots > kMaxRobots))
-    throw WorldError("robots: " + std::to_string(fleet.robots) + " must be in [2, " + std::to_string(kMaxRobots) + "]");
+    throw WorldError("robots: only the tasks circle, random, hall and tour let you choose the number of robots");
+  const int least = is_tour ? 1 : 2;
+  if (fleet.robots != 0 && (fleet.robots < least || fleet.robots > kMaxRobots))
+    throw WorldError("robots: " + std::to_string(fleet.robots) + " must be in [" + std::to_string(least) + ", " +
+                     std::to_string(kMaxRobots) + "]");
   if (task != Task::kCircle && fleet.circle_m != 0.0) throw WorldError("radius: only the task circle has a radius");
-  if (task != Task::kRandom && (fleet.goals != 1 || fleet.hop_m != 0.0))
-    throw WorldError("goals, hop: only robots of the task random have several goals");
+  if (task != Task::kRandom && !is_tour && fleet.goals != 1)
+    throw WorldError("goals: only robots of the tasks random and tour have several goals");
+  if (task != Task::kRandom && fleet.hop_m != 0.0) throw WorldError("hop: only robots of the task random hop");
+  if (is_tour != !fleet.building.empty())
+    throw WorldError(is_tour ? "building: the task tour needs one" : "building: only the task tour has one");
+  if (is_tour && environment != Environment::kEmpty)
+    throw WorldError(std::string("env: \"") + to_string(environment) +
+                     "\" must be empty for the task tour: nothing keeps obstacles off its walls");
   if (task != Task::kHall && !fleet.people.empty()) throw WorldError("people: only the task hall has people");
   try {
     verify(fleet.limits);

@@ -2,6 +2,7 @@
 #include "swarm_sim/world/world_generator.h"
 
 #include <gtest/gtest.h>
+#include <octomap/OcTree.h>
 
 #include <algorithm>
 #include <array>
@@ -12,6 +13,7 @@
 
 #include "lcmtypes/bus/atomic_file.h"
 #include "lcmtypes/bus/text.h"
+#include "swarm_sim/world/building.h"
 #include "swarm_sim/world/occupied_cubes.h"
 #include "swarm_sim/world/walls.h"
 #include "swarm_sim/world/world_json.h"
@@ -170,6 +172,82 @@ TEST(Generator, RefusesPeopleElsewhereAndFilesWithoutAny) {
   } catch (const WorldError& error) {
     EXPECT_NE(std::string(error.what()).find("nobody.json: holds nobody who walks"), std::string::npos) << error.what();
   }
+}
+
+// Two rooms of 8 x 6 m behind each other, with a door of 0.8 m; another one that no door leads to. `door_m`: its width.
+std::string two_rooms(const fs::path& file, double door_m) {
+  octomap::OcTree map(0.1);
+  for (int x = -80; x < 120; ++x) {
+    for (int y = -30; y < 30; ++y) {
+      for (int z = 0; z < 20; ++z) {
+        const Eigen::Vector3d place = (Eigen::Vector3d(x, y, z).array() + 0.5) * 0.1;
+        const bool in_wall = x == -80 || x == 119 || y == -30 || y == 29 || x == 0 || x == 80;
+        const bool in_door = x == 0 && std::abs(place.y()) < door_m / 2;
+        map.updateNode(octomap::point3d(static_cast<float>(place.x()), static_cast<float>(place.y()),
+                                        static_cast<float>(place.z())),
+                       in_wall && !in_door);
+      }
+    }
+  }
+  EXPECT_TRUE(map.writeBinary(file.string()));
+  return file.string();
+}
+
+TEST(Generator, ToursLeadToWhereverOneGetsInABuilding) {
+  const TemporaryDirectory directory;
+  Fleet fleet{.robots = 3, .goals = 4, .low_m = 0.4, .high_m = 1.6};
+  fleet.building = two_rooms(directory.path() / "rooms.bt", 0.8);
+  EXPECT_NE(command_line(fleet).find("--building"), std::string::npos);
+  const auto map = OccupiedCubes::load(fleet.building);
+  int crossings = 0;
+  for (std::uint64_t seed = 1; seed <= 5; ++seed) {
+    const World world = make_world(Task::kTour, Environment::kEmpty, 0, seed, fleet);
+    EXPECT_EQ(world.static_map, fleet.building);
+    EXPECT_EQ(world.space, (Space{{-8.0, -3.0, 0.4}, {12.0, 3.0, 1.6}}));
+    ASSERT_EQ(world.robots.size(), 3u);
+    for (const WorldRobot& robot : world.robots) {
+      ASSERT_EQ(robot.mission.size(), 4u);
+      Eigen::Vector3d before = robot.start;
+      EXPECT_GE(map.distance(before, 1.0), 0.5 - 1e-6);
+      for (const Waypoint& goal : robot.mission) {
+        EXPECT_GE((goal.position - before).norm(), 5.0);
+        EXPECT_GE(map.distance(goal.position, 1.0), 0.5 - 1e-6);
+        EXPECT_LT(goal.position.x(), 8.0) << "no door leads there";
+        EXPECT_GE(goal.position.z(), 0.6);
+        EXPECT_LE(goal.position.z(), 1.4);
+        crossings += goal.position.x() * before.x() < 0.0 ? 1 : 0;
+        before = goal.position;
+      }
+    }
+  }
+  EXPECT_GT(crossings, 10);
+  EXPECT_EQ(make_world(Task::kTour, Environment::kEmpty, 0, 5, fleet),
+            make_world(Task::kTour, Environment::kEmpty, 0, 5, fleet));
+  // Through a narrower door nobody gets.
+  const std::vector<Eigen::Vector3d> apart =
+      building_in(two_rooms(directory.path() / "apart.bt", 0.6), 0.2, {0.4, 1.6}).places;
+  for (const Eigen::Vector3d& place : apart) EXPECT_GT(place.x() * apart[0].x(), 0.0);
+}
+
+TEST(Generator, RefusesToursWithoutABuildingOrRoom) {
+  const TemporaryDirectory directory;
+  const auto complaint = [](Task task, Environment environment, const Fleet& fleet) {
+    try {
+      make_world(task, environment, 0, 1, fleet);
+    } catch (const std::exception& error) {
+      return std::string(error.what());
+    }
+    return std::string("none");
+  };
+  EXPECT_EQ(complaint(Task::kTour, Environment::kEmpty, {}), "building: the task tour needs one");
+  Fleet fleet;
+  fleet.building = (directory.path() / "none.bt").string();
+  EXPECT_EQ(complaint(Task::kCross, Environment::kEmpty, fleet), "building: only the task tour has one");
+  EXPECT_NE(complaint(Task::kTour, Environment::kEmpty, fleet).find("none.bt"), std::string::npos);
+  EXPECT_NE(complaint(Task::kTour, Environment::kPure, fleet).find("env: \"pure\" must be empty"), std::string::npos);
+  fleet.building = two_rooms(directory.path() / "rooms.bt", 0.8);
+  fleet.low_m = 1.0, fleet.high_m = 1.3;
+  EXPECT_NE(complaint(Task::kTour, Environment::kEmpty, fleet).find("between heights 1 and 1.3 m"), std::string::npos);
 }
 
 // Rooms with a door each; robots go from room to room; what moves stays off the walls.
