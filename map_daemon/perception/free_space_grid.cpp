@@ -101,6 +101,7 @@ void FreeSpaceGrid::move_to(const Eigen::Vector3d& place) {
     for (std::size_t bit = 0; bit < 4; ++bit) clear(column.free_scans[bit], blank.free_scans[bit]);
     for (std::uint64_t& word : column.seen_lately) clear(word, 0);
     clear(column.occupied, 0);
+    clear(column.passed, 0);
     clear(column.ever_free, 0);
     clear(column.lasting, 0);
     clear(column.lasting_before, 0);
@@ -218,7 +219,7 @@ void FreeSpaceGrid::mark_moving_in(const Eigen::Vector3i& voxel) {
 }
 
 void FreeSpaceGrid::learn(std::uint64_t free, std::uint64_t passed, std::uint64_t surfaces, std::uint64_t moving,
-                          bool doubts, Column* column) {
+                          Doubt doubt, Column* column) {
   // Occupied: 3 once, 7 once more, one less each time that rays pass it, also beside surfaces, or what errs once would
   // make walls thicker for good.
   const std::uint64_t standing = surfaces & ~moving, some = column->likely();
@@ -231,7 +232,12 @@ void FreeSpaceGrid::learn(std::uint64_t free, std::uint64_t passed, std::uint64_
   certainty[0] |= standing;
   certainty[1] |= standing;
   certainty[2] |= standing & some;
-  column->occupied = (column->occupied | (doubts ? standing & some : standing)) & column->likely();
+  column->passed |= passed;
+  const std::uint64_t doubted = doubt == Doubt::kNowhere           ? std::uint64_t{0}
+                                : doubt == Doubt::kWhereRaysPassed ? column->passed
+                                                                   : kAll;
+  column->occupied = (column->occupied | (standing & (some | ~doubted))) & column->likely();
+  column->passed &= ~standing;
   // Free: a count that stops at its highest, and starts again below it.
   auto& count = column->free_scans;
   std::uint64_t carry = free & ~(count[0] & count[1] & count[2] & count[3]);
@@ -247,7 +253,7 @@ void FreeSpaceGrid::learn(std::uint64_t free, std::uint64_t passed, std::uint64_
   column->seen_lately[0] |= free | surfaces;
 }
 
-void FreeSpaceGrid::finish(Utime utime, bool doubts) {
+void FreeSpaceGrid::finish(Utime utime, Doubt doubt) {
   forget_old(utime);
   // Surfaces err by a part of a voxel: what is beside them is not free for certain.
   for (const int column : surface_columns_) {
@@ -260,7 +266,7 @@ void FreeSpaceGrid::finish(Utime utime, bool doubts) {
   }
   for (std::size_t i = 0; i < kColumns; ++i) {
     if ((free_[i] | passed_[i] | surfaces_[i]) == 0) continue;
-    learn(free_[i], passed_[i], surfaces_[i], moving_[i], doubts, &columns_[i]);
+    learn(free_[i], passed_[i], surfaces_[i], moving_[i], doubt, &columns_[i]);
     occupied_[i] = columns_[i].occupied;
     seen_[i] = columns_[i].seen();
     free_[i] = passed_[i] = surfaces_[i] = moving_[i] = 0;

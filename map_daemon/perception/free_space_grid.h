@@ -15,6 +15,9 @@
 
 namespace swarm {
 
+// Where single rays may err: what one met is not occupied until another meets it.
+enum class Doubt { kNowhere, kWhereRaysPassed, kEverywhere };
+
 class FreeSpaceGrid {
  public:
   static constexpr int kEdge = 128;   // voxels of the window along x and y
@@ -47,8 +50,7 @@ class FreeSpaceGrid {
   // A surface of what moves: it is not kept as occupied.
   void mark_moving(const Eigen::Vector3d& place) { mark_moving_in(geometry_.voxel_of(place)); }
   void mark_moving_in(const Eigen::Vector3i& voxel);
-  // If it `doubts`, what a single ray met is not occupied until another meets it, for it may err.
-  void finish(Utime utime, bool doubts);
+  void finish(Utime utime, Doubt doubt);
   // What was known to stand in this column, in the order of the window: where nothing else is known it stands, until it
   // is seen free.
   void recall(int column, std::uint64_t standing);
@@ -85,6 +87,7 @@ class FreeSpaceGrid {
     std::array<std::uint64_t, 3> certainty;   // of being occupied, 0 to 7
     std::array<std::uint64_t, 4> free_scans;  // without a break, counted up to 15
     std::uint64_t occupied;                   // of what is likely, that which was met again or not doubted
+    std::uint64_t passed;                     // by rays since it was met, and not only at its rim
     std::uint64_t ever_free, lasting, lasting_before;
     std::array<std::uint64_t, 3> seen_lately;  // in this stretch of time and the two before
 
@@ -98,7 +101,7 @@ class FreeSpaceGrid {
   };
   static Column unknown();
   // `passed`: by rays, and not only at its rim.
-  static void learn(std::uint64_t free, std::uint64_t passed, std::uint64_t surfaces, std::uint64_t moving, bool doubts,
+  static void learn(std::uint64_t free, std::uint64_t passed, std::uint64_t surfaces, std::uint64_t moving, Doubt doubt,
                     Column* column);
 
   Walk walk_along(const RangeScan::Ray& ray) const;

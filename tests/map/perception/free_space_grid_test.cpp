@@ -59,12 +59,14 @@ class PlainGrid {
   void move_to(const Eigen::Vector3i& middle) {
     origin_ = middle - kGridSize / 2;
     std::erase_if(voxels, [this](const auto& entry) { return !is_in_window(entry.first - origin_); });
+    std::erase_if(passed_, [this](const auto& voxel) { return !is_in_window(voxel - origin_); });
   }
   void see(const Eigen::Vector3i& voxel, Sight sight) {
     if (is_in_window(voxel - origin_)) sights_[sight].insert(voxel);
   }
-  void finish(Utime utime, bool doubts) {
+  void finish(Utime utime, Doubt doubt) {
     pass_time(utime);
+    passed_.insert(sights_[kFree].begin(), sights_[kFree].end());
     for (const Eigen::Vector3i& voxel : sights_[kFree]) {  // also beside surfaces
       const auto known = voxels.find(voxel);
       if (known == voxels.end() || sights_[kSurface].contains(voxel) || sights_[kMovingSurface].contains(voxel))
@@ -82,7 +84,9 @@ class PlainGrid {
       if (sights_[kMovingSurface].contains(voxel)) continue;
       PlainVoxel& known = look_at(voxel);
       known.free_scans = 0;
-      known.occupied |= !doubts || known.certainty > 0;
+      const bool was_passed = passed_.erase(voxel) > 0;
+      known.occupied |=
+          known.certainty > 0 || doubt == Doubt::kNowhere || (doubt == Doubt::kWhereRaysPassed && !was_passed);
       known.certainty = known.certainty > 0 ? 7 : 3;
     }
     for (auto& [voxel, known] : voxels) known.occupied &= known.certainty > 0;
@@ -137,6 +141,7 @@ class PlainGrid {
 
   Eigen::Vector3i origin_ = Eigen::Vector3i::Zero();
   std::set<Eigen::Vector3i, ByAxes> sights_[3];
+  std::set<Eigen::Vector3i, ByAxes> passed_;  // since a ray met it
   int seen_stretch_ = 0, lasting_stretch_ = 0;
   Utime seen_since_{}, lasting_since_{};
 };
@@ -186,9 +191,9 @@ class TwoGrids {
       plain_.see(voxel, sight);
     }
     now_ += uniform_int(rng_, 0, 99) == 0 ? Duration(-5s) : uniform_duration(rng_, 20ms, 400ms);
-    const bool doubts = uniform_int(rng_, 0, 2) > 0;
-    grid_.finish(now_, doubts);
-    plain_.finish(now_, doubts);
+    const auto doubt = static_cast<Doubt>(uniform_int(rng_, 0, 2));
+    grid_.finish(now_, doubt);
+    plain_.finish(now_, doubt);
   }
   // In columns that rays meet, and in others.
   void recall() {
@@ -304,7 +309,7 @@ TEST(FreeSpaceGrid, RaysFreeWhatTheyPass) {
   int most = 0, none = 0;
   FreeSpaceGrid grid(0.1, kGridMemory);
   for (int i = 0; i < 600 && !testing::Test::HasFailure(); ++i) {
-    grid.finish(kStart, true);
+    grid.finish(kStart, Doubt::kWhereRaysPassed);
     const Eigen::Vector3d middle = in_cube(rng, 50.0);
     grid.move_to(middle);
     const double reach_m = i % 2 == 0 ? 6.0 : 14.0;
@@ -333,7 +338,7 @@ TEST(FreeSpaceGrid, SurfacesKeepTheirNeighboursFromBeingFreed) {
       grid.see_free(middle_of(low), middle_of(low + Eigen::Vector3i(0, 0, 6)));
     }
     grid.see_surface(middle_of(surface));
-    grid.finish(kStart + k * 100ms, true);
+    grid.finish(kStart + k * 100ms, Doubt::kWhereRaysPassed);
   }
   for (int i = 0; i < 343; ++i) {
     const Eigen::Vector3i off(i / 49 - 3, i / 7 % 7 - 3, i % 7 - 3);
@@ -352,7 +357,7 @@ TEST(FreeSpaceGrid, NamesColumnsWithSurfacesOnce) {
   ASSERT_EQ(grid.surface_columns(), (std::vector<int>{grid.column_of(3, 8), grid.column_of(120, 0)}));
   EXPECT_EQ(grid.place_of(grid.surface_columns()[0]), Eigen::Vector2i(3, 8));
   EXPECT_EQ(grid.surfaces(grid.column_of(3, 8)), std::uint64_t{1} << 63 | 1u << 5);
-  grid.finish(kStart, true);
+  grid.finish(kStart, Doubt::kWhereRaysPassed);
   EXPECT_TRUE(grid.surface_columns().empty());
   EXPECT_EQ(grid.surfaces(grid.column_of(3, 8)), 0u);
 }
@@ -367,7 +372,7 @@ class WatchedVoxel {
       if (sight == kFree) grid_.see_free(place_, place_);
       if (sight >= kSurface) grid_.see_surface(place_);
       if (sight == kMoving) grid_.mark_moving(place_);
-      grid_.finish(now += 100ms, true);
+      grid_.finish(now += 100ms, Doubt::kWhereRaysPassed);
     }
   }
   bool is(GridWord what) const { return knows(grid_, what, {3, -5, 7}); }
@@ -401,10 +406,11 @@ TEST(FreeSpaceGrid, WhatWasSeenOftenTakesLongerToBeGone) {
   }
 }
 
-// Within three scans that pass it is met again, or it was nothing.
+// Where rays passed: within three scans that pass it is met again, or it was nothing.
 TEST(FreeSpaceGrid, WhatIsMetOnceIsNotOccupied) {
   for (const int frees : {0, 2, 3}) {
     WatchedVoxel voxel;
+    voxel.see(voxel.kFree);
     voxel.see(voxel.kSurface);
     EXPECT_FALSE(voxel.is(&FreeSpaceGrid::occupied)) << frees;
     voxel.see(voxel.kFree, frees);
@@ -413,17 +419,33 @@ TEST(FreeSpaceGrid, WhatIsMetOnceIsNotOccupied) {
   }
 }
 
+// Where no ray passed since the last one that met something.
+TEST(FreeSpaceGrid, WhatIsMetOnceStandsWhereNothingPassed) {
+  WatchedVoxel voxel;
+  voxel.see(voxel.kSurface);
+  EXPECT_TRUE(voxel.is(&FreeSpaceGrid::occupied));
+  voxel.see(voxel.kFree, 2);
+  EXPECT_TRUE(voxel.is(&FreeSpaceGrid::occupied));
+  voxel.see(voxel.kFree);
+  EXPECT_FALSE(voxel.is(&FreeSpaceGrid::occupied));
+  voxel.see(voxel.kSurface);
+  EXPECT_FALSE(voxel.is(&FreeSpaceGrid::occupied));
+}
+
 // What was not doubted stands, also where a scan that doubts did not meet it since.
 TEST(FreeSpaceGrid, WhoDoesNotDoubtTakesEachRayForASurface) {
-  for (const bool doubts : {false, true}) {
+  for (const Doubt doubt : {Doubt::kNowhere, Doubt::kWhereRaysPassed, Doubt::kEverywhere}) {
+    const bool is_taken = doubt == Doubt::kNowhere;
     FreeSpaceGrid grid(kBinary_m, kGridMemory);
     grid.move_to({0, 0, 0});
+    grid.see_free(middle_of({5, 0, 0}), middle_of({5, 0, 1}));
+    grid.finish(kStart - 100ms, doubt);
     grid.see_surface(middle_of({5, 0, 0}));
-    grid.finish(kStart, doubts);
-    EXPECT_EQ(knows(grid, &FreeSpaceGrid::occupied, {5, 0, 0}), !doubts);
+    grid.finish(kStart, doubt);
+    EXPECT_EQ(knows(grid, &FreeSpaceGrid::occupied, {5, 0, 0}), is_taken);
     grid.see_surface(middle_of({5, 0, 1}));
-    grid.finish(kStart + 100ms, true);
-    EXPECT_EQ(knows(grid, &FreeSpaceGrid::occupied, {5, 0, 0}), !doubts);
+    grid.finish(kStart + 100ms, Doubt::kWhereRaysPassed);
+    EXPECT_EQ(knows(grid, &FreeSpaceGrid::occupied, {5, 0, 0}), is_taken);
     EXPECT_FALSE(knows(grid, &FreeSpaceGrid::occupied, {5, 0, 1}));
   }
 }
@@ -437,9 +459,9 @@ TEST(FreeSpaceGrid, WallsDoNotGrowBySingleErrors) {
     grid.see_free(middle_of({0, 0, 0}), middle_of(beside));
     grid.see_surface(middle_of(wall));
     if (k < 2) grid.see_surface(middle_of(beside));
-    grid.finish(kStart + k * 100ms, true);
+    grid.finish(kStart + k * 100ms, Doubt::kWhereRaysPassed);
     EXPECT_EQ(knows(grid, &FreeSpaceGrid::occupied, beside), k >= 1 && k < 8) << k;
-    EXPECT_EQ(knows(grid, &FreeSpaceGrid::occupied, wall), k >= 1) << k;
+    EXPECT_TRUE(knows(grid, &FreeSpaceGrid::occupied, wall)) << k;
   }
   EXPECT_FALSE(knows(grid, &FreeSpaceGrid::ever_free, beside));
 }
@@ -457,8 +479,8 @@ TEST(FreeSpaceGrid, RaysOverWhatIsFlatDoNotEraseIt) {
     for (int k = 0; k < 20; ++k) {
       if (k % 5 == 0) grid.see_surface(middle_of(table));
       grid.see_free(from, from + way, are_sparse);
-      grid.finish(kStart + k * 100ms, true);
-      EXPECT_EQ(knows(grid, &FreeSpaceGrid::occupied, table), is_kept && k >= 5) << k;
+      grid.finish(kStart + k * 100ms, Doubt::kWhereRaysPassed);
+      EXPECT_EQ(knows(grid, &FreeSpaceGrid::occupied, table), is_kept) << k;
       EXPECT_TRUE(knows(grid, &FreeSpaceGrid::seen, table));
     }
   }
@@ -528,7 +550,7 @@ TEST(FreeSpaceGrid, WhatEntersTheWindowIsUnknown) {
       if (k < 10) full.see_free(low - Eigen::Vector3d(0, 0, 1), low + Eigen::Vector3d(0, 0, 20));
       for (int z = 0; k >= 10 && z < kGridHeight; ++z) full.see_surface(low + z * kBinary_m * Eigen::Vector3d::UnitZ());
     }
-    full.finish(kStart + k * 10ms, true);
+    full.finish(kStart + k * 10ms, Doubt::kWhereRaysPassed);
   }
   const int moves[][3] = {{0, 0, 0},   {3, 0, 0},   {-3, 0, 0},   {0, 5, 0},      {0, -1, 0},
                           {0, 0, 7},   {0, 0, -7},  {2, -3, 4},   {-127, 127, 0}, {0, 0, 63},

@@ -201,7 +201,7 @@ TEST(KeptMap, WhatStoodStandsUntilItIsSeenToBeGone) {
   EXPECT_TRUE(stands(wall, &FreeSpaceGrid::lasting)) << "it has been there for long";
   EXPECT_FALSE(stands(wall, &FreeSpaceGrid::seen));
   grid.see_free(origin, wall + Eigen::Vector3d(0.5, 0, 0));
-  grid.finish(Utime(100s), true);
+  grid.finish(Utime(100s), Doubt::kEverywhere);
   EXPECT_FALSE(stands(wall, &FreeSpaceGrid::occupied));
   kept.recall(&grid);
   EXPECT_FALSE(stands(wall, &FreeSpaceGrid::occupied)) << "the grid knows better";
