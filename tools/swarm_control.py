@@ -26,7 +26,7 @@ Usage: tools/swarm check  [FILE]           is the file good, and can its robots 
 FILE (default: swarm.json) is a world file (swarm_sim/README.md) whose robots have no goals, with more keys that may be there:
   robots[].host   where the robot's daemons are, as ssh knows it: NAME or USER@NAME
   key             file of the swarm's key, relative to FILE; or insecure: true
-  clock_error, onboard_url, swarm_url   as in robot.env
+  clock_error, explores (true or false), onboard_url, swarm_url   as in robot.env
 Robots without hosts fly on this computer: real daemons, mavlink_bridge and a simulated flight controller each, on the ground at first.
 Robots with hosts have the package installed there; up copies robot.env, key and static map to /etc/sogm_swarm, as root by sudo.
 
@@ -43,7 +43,7 @@ Exit codes: 0 done, 1 not, 2 bad input.
 """
 
 TOP = pathlib.Path(__file__).resolve().parent.parent
-OWN_KEYS = {"key", "insecure", "clock_error", "onboard_url", "swarm_url"}
+OWN_KEYS = {"key", "insecure", "clock_error", "explores", "onboard_url", "swarm_url"}
 SSH = shlex.split(os.environ.get("SWARM_SSH", "ssh -o BatchMode=yes -o ConnectTimeout=5"))
 ETC = "/etc/sogm_swarm"
 READY_S, END_S, PATIENCE_S = 60.0, 20.0, 20
@@ -130,6 +130,7 @@ class SwarmFile:
             "SPACE_MIN": vector(self.world["space"]["min"]),
             "SPACE_MAX": vector(self.world["space"]["max"]),
             "STATIC_MAP": f"{ETC}/{pathlib.Path(self.world['static_map']).name}" if "static_map" in self.world else "",
+            "EXPLORES": "true" if self.value("explores", True) else "false",
             "CLOCK_ERROR": f"{self.value('clock_error', 0.01):g}",
             "INSECURE": "true" if self.value("insecure", False) else "false",
             "ONBOARD_URL": self.value("onboard_url", "udpm://239.255.76.67:7700?ttl=0"),

@@ -32,7 +32,7 @@ void declare(OptionSet& options, BroadcastConfig& config) {
               "of robots did not hear it, the others go on around it; 0: they wait for it for ever");
   options.add("setpoint-rate", &config.setpoint_rate_hz, 1, 1000, "Hz", "of setpoints");
   options.add("yaw-rate-max", &config.yaw_rate_max_radps, 0, 100, "rad/s",
-              "how fast the robot turns into its direction of flight");
+              "how fast the robot turns to where it will be in 1.5 s, for there its camera has to look");
   options.add("error-bound", &config.error_bound_m, 0, 5, "m",
               "that the robot's radius grows by at most, by how far it lately was from its motion");
   options.add("off-course", &config.off_course_m, 0.05, 100, "m",

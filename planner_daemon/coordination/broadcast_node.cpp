@@ -16,8 +16,8 @@ using sogm_swarm::announcement_t;
 
 constexpr Duration kStatusPeriod = 1s;
 constexpr Duration kLively = 300ms;  // after news, at most
-constexpr double kTurns_mps = 0.3;   // faster, a robot looks where it flies
-constexpr double kTurns_m = 0.05;    // else to where its motion ends, where that is farther
+constexpr Duration kLooksAhead = 1500ms;
+constexpr double kTurns_m = 0.03;  // by then, at least
 
 double wrap_angle(double angle) {
   return std::remainder(angle, 2 * std::numbers::pi);
@@ -265,15 +265,11 @@ void BroadcastNode::publish_setpoint(Utime now, Outbox& outbox) {
   Eigen::Map<Eigen::Vector3d>(setpoint.velocity) = state.velocity;
   Eigen::Map<Eigen::Vector3d>(setpoint.acceleration) = state.acceleration;
   Eigen::Map<Eigen::Vector3d>(setpoint.jerk) = state.jerk;
-  // Turn to where the robot flies: there is what is to be seen.
+  // Turn to where the robot will be: it flies around corners faster than it turns.
   const double turn = 1.0 / config_.setpoint_rate_hz * config_.yaw_rate_max_radps;
-  const Eigen::Vector2d velocity = state.velocity.head<2>();
-  const Eigen::Vector2d way = (motion()->at(motion()->end_utime()).position - state.position).head<2>();
-  const bool is_fast = velocity.norm() > kTurns_mps;
-  const Eigen::Vector2d& ahead = is_fast ? velocity : way;
+  const Eigen::Vector2d way = (motion()->at(now + kLooksAhead).position - state.position).head<2>();
   double step = 0.0;
-  if (is_fast || way.norm() > kTurns_m)
-    step = std::clamp(wrap_angle(direction(ahead.x(), ahead.y()) - yaw_rad_), -turn, turn);
+  if (way.norm() > kTurns_m) step = std::clamp(wrap_angle(direction(way.x(), way.y()) - yaw_rad_), -turn, turn);
   yaw_rad_ = wrap_angle(yaw_rad_ + step);
   setpoint.yaw = yaw_rad_;
   setpoint.yaw_rate = step * config_.setpoint_rate_hz;

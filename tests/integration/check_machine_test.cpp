@@ -70,7 +70,7 @@ TEST_F(CheckMachine, AcceptsTheConfigurationThatIsShipped) {
   EXPECT_TRUE(says(finished, "warn  nobody is heard on the swarm bus")) << finished.out;
   EXPECT_TRUE(says(finished, "check_machine: "));
   EXPECT_EQ(finished.err, "");
-  configure(replaced(text_, "J_MAX=0\n", ""));  // written before there was such a limit
+  configure(replaced(replaced(text_, "J_MAX=0\n", ""), "EXPLORES=true\n", ""));  // written before there were such
   EXPECT_TRUE(says(check(), "ok    configuration of planner_daemon\n"));
 }
 
@@ -88,7 +88,10 @@ TEST_F(CheckMachine, NamesWhatIsConfiguredWrongly) {
   const Finished others = check();
   EXPECT_TRUE(says(others, "FAIL  configuration: broadcast_daemon: --clock-error soon: must be within")) << others.out;
   EXPECT_TRUE(says(others, "FAIL  configuration: STATIC_MAP /no/map.bt cannot be read")) << others.out;
-  configure(replaced(replaced(text, "CLOCK_ERROR=soon", "CLOCK_ERROR=0.01"), "J_MAX=0", "J_MAX=-1"));
+  text = replaced(text, "CLOCK_ERROR=soon", "CLOCK_ERROR=0.01");
+  configure(replaced(text, "EXPLORES=true", "EXPLORES=maybe"));
+  EXPECT_TRUE(says(check(), "FAIL  configuration: map_daemon: --explores maybe: must be"));
+  configure(replaced(text, "J_MAX=0", "J_MAX=-1"));
   EXPECT_TRUE(says(check(), "FAIL  configuration: planner_daemon: --j-max -1: must be within [0, 1e+05] m/s^3"));
   EXPECT_EQ(check({}, {"--seconds", "x"}).exit_code, 2);
   EXPECT_EQ(check({}, {"--nonsense"}).exit_code, 2);

@@ -71,14 +71,18 @@ TEST_F(SwarmFile, WhatIsWrongWithItIsNamed) {
 TEST_F(SwarmFile, MakesEveryRobotsConfiguration) {
   file_["robots"][1]["limits"] = {{"speed", 1}, {"acceleration", 3}};
   file_["clock_error"] = 0.02;
+  file_["explores"] = false;
   const Finished made = swarm({"env"});
   EXPECT_EQ(made.exit_code, 0) << made.err;
   const std::string env = read_text(directory_ / "out/robot-1.env");
   for (const char* line :
        {"ROBOT_ID=1\n", "ROSTER=0,1,2\n", "RADIUS=0.25\n", "V_MAX=1\n", "A_MAX=3\n", "SPACE_MIN=-5,-5,0.2\n",
-        "SPACE_MAX=5,5,3\n", "STATIC_MAP=\n", "CLOCK_ERROR=0.02\n", "INSECURE=false\n"})
+        "SPACE_MAX=5,5,3\n", "STATIC_MAP=\n", "EXPLORES=false\n", "CLOCK_ERROR=0.02\n", "INSECURE=false\n"})
     EXPECT_NE(env.find(line), env.npos) << line << env;
   EXPECT_NE(read_text(directory_ / "out/robot-2.env").find("V_MAX=2\n"), std::string::npos);
+  file_.erase("explores");
+  ASSERT_EQ(swarm({"env"}).exit_code, 0);
+  EXPECT_NE(read_text(directory_ / "out/robot-1.env").find("EXPLORES=true\n"), std::string::npos);
 }
 
 // From nothing to nothing, on this computer.

@@ -124,7 +124,7 @@ TEST(BroadcastNode, SetpointsAreTheCommittedMotionAt100Hz) {
   EXPECT_LT((Eigen::Vector3d(setpoints.back().position) - Eigen::Vector3d(1, 1, 1.5)).norm(), 1e-6);
 }
 
-TEST(BroadcastNode, ASlowRobotLooksToWhereItsMotionEnds) {
+TEST(BroadcastNode, ASlowRobotLooksToWhereItFlies) {
   const auto yaw_after = [](double y) {
     Robot robot(0);
     robot.propose(robot.plan({0, y, 1}, 0.1, 6.0));  // never faster than 0.05 m/s
@@ -134,6 +134,24 @@ TEST(BroadcastNode, ASlowRobotLooksToWhereItsMotionEnds) {
   };
   EXPECT_NEAR(yaw_after(-0.15), -std::numbers::pi / 2, 1e-6);
   EXPECT_EQ(yaw_after(-0.04), 0.0) << "it stays where it is, nearly";
+}
+
+TEST(BroadcastNode, LooksAroundACornerBeforeItFliesThere) {
+  Robot robot(0);
+  Trajectory around(1, robot.now + 100ms, 1500ms, 2);
+  MotionState place;
+  for (int i = 0; i < 3; ++i) {  // ahead, then to the left
+    place.position = Eigen::Vector3d(i > 0 ? 1 : 0, i > 1 ? 1 : 0, 1);
+    around.set_knot(i, place);
+  }
+  robot.propose(around);
+  robot.run_for(1.4);
+  const auto setpoint = robot.out.newest<setpoint_t>(channel::kSetpoint);
+  EXPECT_GT(setpoint.velocity[0], 0.01);
+  EXPECT_LT(setpoint.velocity[1], 1e-6);
+  EXPECT_GT(setpoint.yaw, 1.0);
+  robot.run_for(1.0);
+  EXPECT_NEAR(robot.out.newest<setpoint_t>(channel::kSetpoint).yaw, std::numbers::pi / 2, 0.01);
 }
 
 TEST(BroadcastNode, SwitchesExactlyAtTheStart) {
