@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <utility>
 
 namespace swarm {
 namespace {
@@ -51,7 +52,8 @@ FreeSpaceGrid::FreeSpaceGrid(double resolution_m, Duration memory)
       free_(kColumns),
       passed_(kColumns),
       surfaces_(kColumns),
-      moving_(kColumns) {
+      moving_(kColumns),
+      beside_(kColumns) {
   surface_columns_.reserve(kColumns);
 }
 
@@ -218,8 +220,8 @@ void FreeSpaceGrid::mark_moving_in(const Eigen::Vector3i& voxel) {
       std::uint64_t{1} << ((voxel.z() + geometry_.origin.z()) & (kHeight - 1));
 }
 
-void FreeSpaceGrid::learn(std::uint64_t free, std::uint64_t passed, std::uint64_t surfaces, std::uint64_t moving,
-                          Doubt doubt, Column* column) {
+void FreeSpaceGrid::learn(const Sight& seen, Doubt doubt, Column* column) {
+  const auto [free, passed, surfaces, moving, beside] = seen;
   // Occupied: 3 once, 7 once more, one less each time that rays pass it, also beside surfaces, or what errs once would
   // make walls thicker for good.
   const std::uint64_t standing = surfaces & ~moving, some = column->likely();
@@ -233,9 +235,9 @@ void FreeSpaceGrid::learn(std::uint64_t free, std::uint64_t passed, std::uint64_
   certainty[1] |= standing;
   certainty[2] |= standing & some;
   column->passed |= passed;
-  const std::uint64_t doubted = doubt == Doubt::kNowhere           ? std::uint64_t{0}
-                                : doubt == Doubt::kWhereRaysPassed ? column->passed
-                                                                   : kAll;
+  const std::uint64_t doubted = doubt == Doubt::kNowhere ? std::uint64_t{0}
+                                : doubt == Doubt::kAlone ? column->passed | ~beside
+                                                         : kAll;
   column->occupied = (column->occupied | (standing & (some | ~doubted))) & column->likely();
   column->passed &= ~standing;
   // Free: a count that stops at its highest, and starts again below it.
@@ -258,15 +260,20 @@ void FreeSpaceGrid::finish(Utime utime, Doubt doubt) {
   // Surfaces err by a part of a voxel: what is beside them is not free for certain.
   for (const int column : surface_columns_) {
     const std::uint64_t word = surfaces_[static_cast<std::size_t>(column)];
-    const std::uint64_t beside = word | std::rotl(word, 1) | std::rotr(word, 1);
+    const std::uint64_t above_and_below = std::rotl(word, 1) | std::rotr(word, 1);
     const int x = column / kEdge, y = column % kEdge;
-    for (int i = -1; i <= 1; ++i)
-      for (int j = -1; j <= 1; ++j)
-        free_[static_cast<std::size_t>(((x + i) & (kEdge - 1)) * kEdge + ((y + j) & (kEdge - 1)))] &= ~beside;
+    for (int i = -1; i <= 1; ++i) {
+      for (int j = -1; j <= 1; ++j) {
+        const auto near = static_cast<std::size_t>(((x + i) & (kEdge - 1)) * kEdge + ((y + j) & (kEdge - 1)));
+        free_[near] &= ~(word | above_and_below);
+        beside_[near] |= i == 0 && j == 0 ? above_and_below : word | above_and_below;
+      }
+    }
   }
   for (std::size_t i = 0; i < kColumns; ++i) {
-    if ((free_[i] | passed_[i] | surfaces_[i]) == 0) continue;
-    learn(free_[i], passed_[i], surfaces_[i], moving_[i], doubt, &columns_[i]);
+    const Sight seen{free_[i], passed_[i], surfaces_[i], moving_[i], std::exchange(beside_[i], 0)};
+    if ((seen.free | seen.passed | seen.surfaces) == 0) continue;
+    learn(seen, doubt, &columns_[i]);
     occupied_[i] = columns_[i].occupied;
     seen_[i] = columns_[i].seen();
     free_[i] = passed_[i] = surfaces_[i] = moving_[i] = 0;

@@ -15,8 +15,9 @@
 
 namespace swarm {
 
-// Where single rays may err: what one met is not occupied until another meets it.
-enum class Doubt { kNowhere, kWhereRaysPassed, kEverywhere };
+// Where single rays may err: what one met is not occupied until another meets it. Alone: where rays passed before, and
+// where nothing else of the same scan is beside it, for at edges rays mix what is before them with what is behind.
+enum class Doubt { kNowhere, kAlone, kEverywhere };
 
 class FreeSpaceGrid {
  public:
@@ -100,9 +101,11 @@ class FreeSpaceGrid {
     int steps;
   };
   static Column unknown();
-  // `passed`: by rays, and not only at its rim.
-  static void learn(std::uint64_t free, std::uint64_t passed, std::uint64_t surfaces, std::uint64_t moving, Doubt doubt,
-                    Column* column);
+  // What one scan saw of a column. `passed`: by rays, and not only at its rim; `beside`: the neighbours of surfaces.
+  struct Sight {
+    std::uint64_t free, passed, surfaces, moving, beside;
+  };
+  static void learn(const Sight& seen, Doubt doubt, Column* column);
 
   Walk walk_along(const RangeScan::Ray& ray) const;
   void forget_column(std::size_t column);
@@ -120,7 +123,7 @@ class FreeSpaceGrid {
   bool is_placed_ = false;
   std::vector<Column> columns_;
   std::vector<std::uint64_t> occupied_, seen_;  // by `columns_`: whoever reads them all reads so much less
-  std::vector<std::uint64_t> free_, passed_, surfaces_, moving_;  // of this scan
+  std::vector<std::uint64_t> free_, passed_, surfaces_, moving_, beside_;  // of this scan
   std::vector<int> surface_columns_;
   Utime seen_since_{}, lasting_since_{};
 };

@@ -84,13 +84,14 @@ class PlainGrid {
       if (sights_[kMovingSurface].contains(voxel)) continue;
       PlainVoxel& known = look_at(voxel);
       known.free_scans = 0;
-      const bool was_passed = passed_.erase(voxel) > 0;
-      known.occupied |=
-          known.certainty > 0 || doubt == Doubt::kNowhere || (doubt == Doubt::kWhereRaysPassed && !was_passed);
+      const bool is_alone = passed_.erase(voxel) > 0 || !beside_.contains(voxel);
+      taken_at_once += known.certainty == 0 && doubt == Doubt::kAlone && !is_alone ? 1 : 0;
+      known.occupied |= known.certainty > 0 || doubt == Doubt::kNowhere || (doubt == Doubt::kAlone && !is_alone);
       known.certainty = known.certainty > 0 ? 7 : 3;
     }
     for (auto& [voxel, known] : voxels) known.occupied &= known.certainty > 0;
     for (auto& seen : sights_) seen.clear();
+    beside_.clear();
     note_what_is_not_occupied();
   }
   // It stood there, long before; of what is known that says nothing. Whether it stands now.
@@ -106,6 +107,7 @@ class PlainGrid {
   bool is_seen(const PlainVoxel& known) const { return known.seen_in >= seen_stretch_ - 2; }
 
   std::map<Eigen::Vector3i, PlainVoxel, ByAxes> voxels;
+  int taken_at_once = 0;  // surfaces that were not doubted, where another grid would have
 
  private:
   // What is beside a surface across the border of the window is not freed either, which errs to the safe side.
@@ -114,6 +116,7 @@ class PlainGrid {
       Eigen::Vector3i beside = voxel - origin_ + Eigen::Vector3i(i / 9 - 1, i / 3 % 3 - 1, i % 3 - 1) + kGridSize;
       for (int axis = 0; axis < 3; ++axis) beside[axis] = beside[axis] % kGridSize[axis] + origin_[axis];
       sights_[kFree].erase(beside);
+      if (i != 13) beside_.insert(beside);
     }
   }
   PlainVoxel& look_at(const Eigen::Vector3i& voxel) {
@@ -141,6 +144,7 @@ class PlainGrid {
 
   Eigen::Vector3i origin_ = Eigen::Vector3i::Zero();
   std::set<Eigen::Vector3i, ByAxes> sights_[3];
+  std::set<Eigen::Vector3i, ByAxes> beside_;  // the neighbours of surfaces
   std::set<Eigen::Vector3i, ByAxes> passed_;  // since a ray met it
   int seen_stretch_ = 0, lasting_stretch_ = 0;
   Utime seen_since_{}, lasting_since_{};
@@ -218,15 +222,21 @@ class TwoGrids {
     ever_free += expect_same(grid_, &FreeSpaceGrid::ever_free, plain_, [](auto& known) { return known.ever_free; });
     const auto is_seen = [this](auto& known) { return plain_.is_seen(known); };
     forgotten += static_cast<int>(plain_.voxels.size()) - expect_same(grid_, &FreeSpaceGrid::seen, plain_, is_seen);
+    taken_at_once = plain_.taken_at_once;
     for (const auto& [voxel, known] : plain_.voxels) both += known.occupied && known.ever_free ? 1 : 0;
   }
 
   int occupied = 0, ever_free = 0, both = 0, forgotten = 0, recalled = 0, known_better = 0;  // voxels, of all scans
+  int taken_at_once = 0;
 
  private:
   Eigen::Vector3i random_voxel(int xy, int z) {
     const auto off = [this](int most) { return uniform_int(rng_, -most, most); };
     return middle_ + Eigen::Vector3i(off(xy), off(xy), off(z));
+  }
+  Eigen::Vector3i random_voxel_beside(const Eigen::Vector3i& voxel) {
+    const auto step = [this] { return uniform_int(rng_, -1, 1); };
+    return voxel + Eigen::Vector3i(step(), step(), step());
   }
   void draw_rays() {  // some leave the window
     rays_.clear();
@@ -242,6 +252,7 @@ class TwoGrids {
       const auto& [begin, way] = rays_[static_cast<std::size_t>(uniform_int(rng_, 0, 24))];
       surfaces_.emplace_back(i % 2 == 0 ? begin + way / 3 : random_voxel(70, 36),
                              i % 3 == 0 ? PlainGrid::kMovingSurface : PlainGrid::kSurface);
+      if (i % 2 == 1) surfaces_.emplace_back(random_voxel_beside(surfaces_.back().first), PlainGrid::kSurface);
     }
   }
 
@@ -255,8 +266,8 @@ class TwoGrids {
 };
 
 TEST(FreeSpaceGrid, KnowsOfEachVoxelWhatPlainNumbersSay) {
-  int occupied = 0, ever_free = 0, both = 0, forgotten = 0, recalled = 0, known_better = 0;
-  for (unsigned seed = 0; seed < 8; ++seed) {
+  int occupied = 0, ever_free = 0, both = 0, forgotten = 0, recalled = 0, known_better = 0, taken_at_once = 0;
+  for (unsigned seed = 0; seed < 16; ++seed) {
     TwoGrids grids(seed);
     for (int k = 0; k < 150 && !testing::Test::HasFailure(); ++k) {
       SCOPED_TRACE(testing::Message() << "seed " << seed << " scan " << k);
@@ -266,9 +277,10 @@ TEST(FreeSpaceGrid, KnowsOfEachVoxelWhatPlainNumbersSay) {
       grids.compare();
     }
     occupied += grids.occupied, ever_free += grids.ever_free, both += grids.both, forgotten += grids.forgotten;
-    recalled += grids.recalled, known_better += grids.known_better;
+    recalled += grids.recalled, known_better += grids.known_better, taken_at_once += grids.taken_at_once;
   }
-  for (const int count : {occupied, ever_free, both, forgotten, recalled, known_better}) EXPECT_GT(count, 300);
+  for (const int count : {occupied, ever_free, both, forgotten, recalled, known_better, taken_at_once})
+    EXPECT_GT(count, 100);
 }
 
 // Of the way from `from` to `to`, so much is in the box; below 0: it passes beside it.
@@ -309,7 +321,7 @@ TEST(FreeSpaceGrid, RaysFreeWhatTheyPass) {
   int most = 0, none = 0;
   FreeSpaceGrid grid(0.1, kGridMemory);
   for (int i = 0; i < 600 && !testing::Test::HasFailure(); ++i) {
-    grid.finish(kStart, Doubt::kWhereRaysPassed);
+    grid.finish(kStart, Doubt::kAlone);
     const Eigen::Vector3d middle = in_cube(rng, 50.0);
     grid.move_to(middle);
     const double reach_m = i % 2 == 0 ? 6.0 : 14.0;
@@ -338,7 +350,7 @@ TEST(FreeSpaceGrid, SurfacesKeepTheirNeighboursFromBeingFreed) {
       grid.see_free(middle_of(low), middle_of(low + Eigen::Vector3i(0, 0, 6)));
     }
     grid.see_surface(middle_of(surface));
-    grid.finish(kStart + k * 100ms, Doubt::kWhereRaysPassed);
+    grid.finish(kStart + k * 100ms, Doubt::kAlone);
   }
   for (int i = 0; i < 343; ++i) {
     const Eigen::Vector3i off(i / 49 - 3, i / 7 % 7 - 3, i % 7 - 3);
@@ -357,7 +369,7 @@ TEST(FreeSpaceGrid, NamesColumnsWithSurfacesOnce) {
   ASSERT_EQ(grid.surface_columns(), (std::vector<int>{grid.column_of(3, 8), grid.column_of(120, 0)}));
   EXPECT_EQ(grid.place_of(grid.surface_columns()[0]), Eigen::Vector2i(3, 8));
   EXPECT_EQ(grid.surfaces(grid.column_of(3, 8)), std::uint64_t{1} << 63 | 1u << 5);
-  grid.finish(kStart, Doubt::kWhereRaysPassed);
+  grid.finish(kStart, Doubt::kAlone);
   EXPECT_TRUE(grid.surface_columns().empty());
   EXPECT_EQ(grid.surfaces(grid.column_of(3, 8)), 0u);
 }
@@ -372,7 +384,7 @@ class WatchedVoxel {
       if (sight == kFree) grid_.see_free(place_, place_);
       if (sight >= kSurface) grid_.see_surface(place_);
       if (sight == kMoving) grid_.mark_moving(place_);
-      grid_.finish(now += 100ms, Doubt::kWhereRaysPassed);
+      grid_.finish(now += 100ms, Doubt::kAlone);
     }
   }
   bool is(GridWord what) const { return knows(grid_, what, {3, -5, 7}); }
@@ -406,11 +418,10 @@ TEST(FreeSpaceGrid, WhatWasSeenOftenTakesLongerToBeGone) {
   }
 }
 
-// Where rays passed: within three scans that pass it is met again, or it was nothing.
+// Within three scans that pass it is met again, or it was nothing.
 TEST(FreeSpaceGrid, WhatIsMetOnceIsNotOccupied) {
   for (const int frees : {0, 2, 3}) {
     WatchedVoxel voxel;
-    voxel.see(voxel.kFree);
     voxel.see(voxel.kSurface);
     EXPECT_FALSE(voxel.is(&FreeSpaceGrid::occupied)) << frees;
     voxel.see(voxel.kFree, frees);
@@ -419,22 +430,36 @@ TEST(FreeSpaceGrid, WhatIsMetOnceIsNotOccupied) {
   }
 }
 
-// Where no ray passed since the last one that met something.
-TEST(FreeSpaceGrid, WhatIsMetOnceStandsWhereNothingPassed) {
-  WatchedVoxel voxel;
-  voxel.see(voxel.kSurface);
-  EXPECT_TRUE(voxel.is(&FreeSpaceGrid::occupied));
-  voxel.see(voxel.kFree, 2);
-  EXPECT_TRUE(voxel.is(&FreeSpaceGrid::occupied));
-  voxel.see(voxel.kFree);
-  EXPECT_FALSE(voxel.is(&FreeSpaceGrid::occupied));
-  voxel.see(voxel.kSurface);
-  EXPECT_FALSE(voxel.is(&FreeSpaceGrid::occupied));
+// Alone it is doubted, and where a ray passed since the last one that met something.
+TEST(FreeSpaceGrid, WhatIsMetWithItsNeighbourStandsWhereNothingPassed) {
+  for (int i = 0; i < 125; ++i) {
+    const Eigen::Vector3i voxel(3, -5, 7), off(i / 25 - 2, i / 5 % 5 - 2, i % 5 - 2);
+    const bool is_beside = off.cwiseAbs().maxCoeff() == 1;
+    SCOPED_TRACE(testing::Message() << "neighbour at " << off.transpose());
+    FreeSpaceGrid grid(kBinary_m, kGridMemory);
+    grid.move_to({0, 0, 0});
+    const auto stands = [&] { return knows(grid, &FreeSpaceGrid::occupied, voxel); };
+    const auto meet = [&] {
+      grid.see_surface(middle_of(voxel));
+      grid.see_surface(middle_of(voxel + off));
+      grid.finish(kStart, Doubt::kAlone);
+    };
+    meet();
+    EXPECT_EQ(stands(), is_beside);
+    for (int k = 0; k < 3; ++k) {
+      EXPECT_EQ(stands(), is_beside);
+      grid.see_free(middle_of(voxel), middle_of(voxel));
+      grid.finish(kStart, Doubt::kAlone);
+    }
+    EXPECT_FALSE(stands());
+    meet();
+    EXPECT_FALSE(stands());
+  }
 }
 
 // What was not doubted stands, also where a scan that doubts did not meet it since.
 TEST(FreeSpaceGrid, WhoDoesNotDoubtTakesEachRayForASurface) {
-  for (const Doubt doubt : {Doubt::kNowhere, Doubt::kWhereRaysPassed, Doubt::kEverywhere}) {
+  for (const Doubt doubt : {Doubt::kNowhere, Doubt::kAlone, Doubt::kEverywhere}) {
     const bool is_taken = doubt == Doubt::kNowhere;
     FreeSpaceGrid grid(kBinary_m, kGridMemory);
     grid.move_to({0, 0, 0});
@@ -444,7 +469,7 @@ TEST(FreeSpaceGrid, WhoDoesNotDoubtTakesEachRayForASurface) {
     grid.finish(kStart, doubt);
     EXPECT_EQ(knows(grid, &FreeSpaceGrid::occupied, {5, 0, 0}), is_taken);
     grid.see_surface(middle_of({5, 0, 1}));
-    grid.finish(kStart + 100ms, Doubt::kWhereRaysPassed);
+    grid.finish(kStart + 100ms, Doubt::kAlone);
     EXPECT_EQ(knows(grid, &FreeSpaceGrid::occupied, {5, 0, 0}), is_taken);
     EXPECT_FALSE(knows(grid, &FreeSpaceGrid::occupied, {5, 0, 1}));
   }
@@ -459,7 +484,7 @@ TEST(FreeSpaceGrid, WallsDoNotGrowBySingleErrors) {
     grid.see_free(middle_of({0, 0, 0}), middle_of(beside));
     grid.see_surface(middle_of(wall));
     if (k < 2) grid.see_surface(middle_of(beside));
-    grid.finish(kStart + k * 100ms, Doubt::kWhereRaysPassed);
+    grid.finish(kStart + k * 100ms, Doubt::kAlone);
     EXPECT_EQ(knows(grid, &FreeSpaceGrid::occupied, beside), k >= 1 && k < 8) << k;
     EXPECT_TRUE(knows(grid, &FreeSpaceGrid::occupied, wall)) << k;
   }
@@ -479,8 +504,8 @@ TEST(FreeSpaceGrid, RaysOverWhatIsFlatDoNotEraseIt) {
     for (int k = 0; k < 20; ++k) {
       if (k % 5 == 0) grid.see_surface(middle_of(table));
       grid.see_free(from, from + way, are_sparse);
-      grid.finish(kStart + k * 100ms, Doubt::kWhereRaysPassed);
-      EXPECT_EQ(knows(grid, &FreeSpaceGrid::occupied, table), is_kept) << k;
+      grid.finish(kStart + k * 100ms, Doubt::kAlone);
+      EXPECT_EQ(knows(grid, &FreeSpaceGrid::occupied, table), is_kept && k >= 5) << k;
       EXPECT_TRUE(knows(grid, &FreeSpaceGrid::seen, table));
     }
   }
@@ -550,7 +575,7 @@ TEST(FreeSpaceGrid, WhatEntersTheWindowIsUnknown) {
       if (k < 10) full.see_free(low - Eigen::Vector3d(0, 0, 1), low + Eigen::Vector3d(0, 0, 20));
       for (int z = 0; k >= 10 && z < kGridHeight; ++z) full.see_surface(low + z * kBinary_m * Eigen::Vector3d::UnitZ());
     }
-    full.finish(kStart + k * 10ms, Doubt::kWhereRaysPassed);
+    full.finish(kStart + k * 10ms, Doubt::kAlone);
   }
   const int moves[][3] = {{0, 0, 0},   {3, 0, 0},   {-3, 0, 0},   {0, 5, 0},      {0, -1, 0},
                           {0, 0, 7},   {0, 0, -7},  {2, -3, 4},   {-127, 127, 0}, {0, 0, 63},
