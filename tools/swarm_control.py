@@ -80,6 +80,9 @@ class SwarmFile:
         if not isinstance(self.world, dict) or not isinstance(self.world.get("robots"), list) or not self.world["robots"]:
             raise BadInput(f"{path}: robots: must be a list of at least one robot")
         self.own = {key: self.world.pop(key) for key in OWN_KEYS & self.world.keys()}
+        for key in ("insecure", "explores"):
+            if type(self.own.get(key, False)) is not bool:
+                raise BadInput(f"{path}: {key}: {self.own[key]!r} must be true or false")
         self.hosts = {}
         for place, robot in enumerate(self.world["robots"]):
             if not isinstance(robot, dict) or type(robot.get("id")) is not int:
@@ -130,9 +133,9 @@ class SwarmFile:
             "SPACE_MIN": vector(self.world["space"]["min"]),
             "SPACE_MAX": vector(self.world["space"]["max"]),
             "STATIC_MAP": f"{ETC}/{pathlib.Path(self.world['static_map']).name}" if "static_map" in self.world else "",
-            "EXPLORES": "true" if self.value("explores", True) else "false",
+            "EXPLORES": str(self.value("explores", True)).lower(),
             "CLOCK_ERROR": f"{self.value('clock_error', 0.01):g}",
-            "INSECURE": "true" if self.value("insecure", False) else "false",
+            "INSECURE": str(self.value("insecure", False)).lower(),
             "ONBOARD_URL": self.value("onboard_url", "udpm://239.255.76.67:7700?ttl=0"),
             "SWARM_URL": self.value("swarm_url", "udpm://239.255.76.68:7667?ttl=1"),
         }

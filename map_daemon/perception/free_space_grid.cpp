@@ -260,13 +260,13 @@ void FreeSpaceGrid::finish(Utime utime, Doubt doubt) {
   // Surfaces err by a part of a voxel: what is beside them is not free for certain.
   for (const int column : surface_columns_) {
     const std::uint64_t word = surfaces_[static_cast<std::size_t>(column)];
-    const std::uint64_t above_and_below = std::rotl(word, 1) | std::rotr(word, 1);
+    const std::uint64_t above_and_below = std::rotl(word, 1) | std::rotr(word, 1), all = word | above_and_below;
     const int x = column / kEdge, y = column % kEdge;
     for (int i = -1; i <= 1; ++i) {
       for (int j = -1; j <= 1; ++j) {
         const auto near = static_cast<std::size_t>(((x + i) & (kEdge - 1)) * kEdge + ((y + j) & (kEdge - 1)));
-        free_[near] &= ~(word | above_and_below);
-        beside_[near] |= i == 0 && j == 0 ? above_and_below : word | above_and_below;
+        free_[near] &= ~all;
+        beside_[near] |= i == 0 && j == 0 ? above_and_below : all;
       }
     }
   }

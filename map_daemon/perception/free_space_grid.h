@@ -15,8 +15,9 @@
 
 namespace swarm {
 
-// Where single rays may err: what one met is not occupied until another meets it. Alone: where rays passed before, and
-// where nothing else of the same scan is beside it, for at edges rays mix what is before them with what is behind.
+// Where single rays may err: what one met is not occupied until another meets it. Alone: where rays passed, before or in
+// the same scan, and where nothing else of that scan is beside it: at edges rays mix what is before them with what is
+// behind.
 enum class Doubt { kNowhere, kAlone, kEverywhere };
 
 class FreeSpaceGrid {

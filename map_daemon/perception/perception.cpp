@@ -77,7 +77,7 @@ void Perception::update(const RangeScan& scan, std::span<const PeerMask::Ball> r
   tracker_.forget(scan.utime, 1s);
   mark_moving();
   // Where there is a map a LiDAR's rays are taken at their word: thin things are seen in time. Who has none takes them
-  // at their word only where others meet something as well, and none passed before: edges of tables are met by few. A
+  // at their word only where others meet something as well, and none passed: edges of tables are met by few. A
   // camera's edges err.
   const Doubt of_lidar = config_.explores ? Doubt::kAlone : Doubt::kNowhere;
   grid_.finish(scan.utime, scan.is_image ? Doubt::kEverywhere : of_lidar);

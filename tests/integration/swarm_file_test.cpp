@@ -62,6 +62,9 @@ TEST_F(SwarmFile, WhatIsWrongWithItIsNamed) {
   const std::string twice = with([](auto& f) { f["robots"][1]["id"] = 0; });
   EXPECT_NE(twice.find("swarm.json"), twice.npos) << twice;
   EXPECT_NE(twice.find("id"), twice.npos) << twice;
+  EXPECT_EQ(with([](auto& f) { f["explores"] = "false"; }),
+            "swarm: swarm.json: explores: 'false' must be true or false\n");
+  EXPECT_EQ(with([](auto& f) { f["insecure"] = 1; }), "swarm: swarm.json: insecure: 1 must be true or false\n");
   EXPECT_NE(with([](auto& f) { f["clock_error"] = 5; }).find("clock-error"), std::string::npos);
   file_ = good;
   EXPECT_NE(refusal({"tell", "7", "land"}).find("robot '7': must be one of 0,1,2, or all"), std::string::npos);

@@ -276,6 +276,25 @@ TEST(Perception, WhoKnowsTheMapTellsOfAllElseAtOnce) {
   EXPECT_TRUE(explores.stands({1.5, 0.0, 1.0}));
 }
 
+TEST(Perception, WhoExploresTakesALidarAtItsWordAndNoCamera) {
+  std::vector<Column> wall;
+  for (double y = -1.0; y <= 1.0; y += 0.03) wall.push_back({{3.03, y}, 0.02});  // at the front of voxels
+  const Eigen::Vector3d place(3.03, 0.0, 1.0), no_error = Eigen::Vector3d::Zero();
+  Looking by_lidar, by_camera;
+  by_lidar.look(wall);
+  EXPECT_TRUE(by_lidar.stands(place));
+  by_camera.look_ahead(wall, kSensor, no_error);
+  EXPECT_FALSE(by_camera.stands(place));
+  by_camera.look_ahead(wall, kSensor, no_error);
+  EXPECT_TRUE(by_camera.stands(place));
+  Looking alone;  // at edges rays mix what is before them with what is behind
+  const std::vector<Column> wire = {{{3.03, kSensor.y()}, 0.004}};  // beams meet it far apart
+  alone.look(wire);
+  EXPECT_FALSE(alone.stands(place));
+  alone.look(wire);
+  EXPECT_TRUE(alone.stands(place));
+}
+
 TEST(Perception, SomebodyWhoComesOutOfAWallIsTracked) {
   Looking looking;
   std::vector<Column> wall;
